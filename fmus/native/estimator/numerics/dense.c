@@ -77,6 +77,15 @@ void dense_times(int wide, size_t rows, size_t columns, const double *panels, co
     CHOSEN(wide, product)(rows, columns, panels, x, y);
 }
 
+void dense_times_many(int wide, size_t rows, size_t columns, const double *panels, size_t count, const double *x,
+                      size_t x_apart, double *y, size_t y_apart) {
+    for (size_t first = 0; first < rows; first += ROWS) {
+        for (size_t j = 0; j < count; j++) {
+            dense_times(wide, ROWS, columns, panels + first * dense_columns(columns), x + j * x_apart, y + j * y_apart + first);
+        }
+    }
+}
+
 void narrow_times(int wide, size_t rows, size_t columns, const float *panels, const float *x, float *y) {
     CHOSEN(wide, narrow_product)(rows, columns, panels, x, y);
 }

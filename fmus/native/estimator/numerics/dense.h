@@ -38,7 +38,12 @@ void narrow_panels(size_t rows, size_t columns, const double *source, size_t row
    wide.h. */
 void dense_times(int wide, size_t rows, size_t columns, const double *panels, const double *x, double *y);
 
-/* The same in float; y has narrow_rows(rows) elements. */
+/* y_j = M x_j for `count` vectors, x_j and y_j each `x_apart` and `y_apart` after the one before: a panel stays in the cache
+   while it meets all of them. */
+void dense_times_many(int wide, size_t rows, size_t columns, const double *panels, size_t count, const double *x,
+                      size_t x_apart, double *y, size_t y_apart);
+
+/* The same of one in float; y has narrow_rows(rows) elements. */
 void narrow_times(int wide, size_t rows, size_t columns, const float *panels, const float *x, float *y);
 
 #endif

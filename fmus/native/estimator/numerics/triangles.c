@@ -119,7 +119,7 @@ void householder_columns(int wide, size_t rows, size_t pivots, size_t columns, d
 }
 
 /* x = H x for the reflection of column k. */
-static void apply_reflection(size_t rows, size_t k, const double *a, const double *head, double *x) {
+EVERYWHERE void apply_reflection(size_t rows, size_t k, const double *a, const double *head, double *x) {
     const double *v = a + k * rows + k;
     const size_t rest = rows - k - 1;
     const double projection = head[2 * k] * (head[2 * k + 1] * x[k] + dot(rest, v + 1, x + k + 1));
@@ -135,7 +135,7 @@ void householder_forward(size_t rows, size_t pivots, const double *a, const doub
     }
 }
 
-void householder_back(size_t rows, size_t pivots, const double *a, const double *head, double *x) {
+EVERYWHERE void back(size_t rows, size_t pivots, const double *a, const double *head, double *x) {
     size_t last = rows; /* reflections below it change nothing */
     while (last > 0 && x[last - 1] == 0.0) {
         last--;
@@ -143,6 +143,12 @@ void householder_back(size_t rows, size_t pivots, const double *a, const double 
     for (size_t k = pivots < last ? pivots : last; k-- > 0;) {
         apply_reflection(rows, k, a, head, x);
     }
+}
+
+FOR_AVX2(back, (size_t rows, size_t pivots, const double *a, const double *head, double *x), (rows, pivots, a, head, x))
+
+void householder_back(int wide, size_t rows, size_t pivots, const double *a, const double *head, double *x) {
+    CHOSEN(wide, back)(rows, pivots, a, head, x);
 }
 
 void solve_triangle(size_t rows, size_t n, const double *a, double *x) {

@@ -26,7 +26,7 @@ void householder_columns(int wide, size_t rows, size_t pivots, size_t columns, d
 
 /* x = Q' x, or x = Q x, for the Q of householder_columns; x has `rows` elements. */
 void householder_forward(size_t rows, size_t pivots, const double *a, const double *head, double *x);
-void householder_back(size_t rows, size_t pivots, const double *a, const double *head, double *x);
+void householder_back(int wide, size_t rows, size_t pivots, const double *a, const double *head, double *x);
 
 /* x = R^-1 x, or R'^-1 x, for the R (n x n) at the top of a (rows x n, by columns). */
 void solve_triangle(size_t rows, size_t n, const double *a, double *x);

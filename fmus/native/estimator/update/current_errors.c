@@ -21,9 +21,8 @@
    `factor` (values, 6 * 21) has its coefficients, `powers` (6 * 21) is t^j (c_a c_b - mean)_p: v = factor powers. An
    interval is filled when s first enters it; 16 are kept.
 
-   Lost gauges are taken out exactly, with P = P_all - Y Y' and G = G_all - B Y' of lost_rows.c:
+   Lost gauges are taken out exactly, with P = P_all - Y Y' and G = G_all - B Y' of lost_rows.c: G D G' by this gain,
 
-       G D G'  = (G D G')_all - (G D Y) B' - B (G D Y)' + B (Y' D Y) B',
        tr(P D) = tr(P D)_all - tr(Y' D Y).
 
    docs/explanation/sigma.md, "Errors in proportion to strain", derives eq:proportional; excess_covariance in
@@ -37,6 +36,7 @@
 #include "../numerics/dense.h"
 #include "../numerics/triangles.h"
 #include "../sample/outputs.h"
+#include "lost_rows.h"
 
 #define FIVE_VALUES 16 /* of a product: the 15 entries of a covariance row by row, and the trace; other variances follow */
 #define TRACE 15
@@ -84,8 +84,8 @@ void current_errors_arrays(Scaled *scaled, Room *room) {
     const size_t loads = N_LOADS + errors->n_other, common = 6 * scaled->map->form.n_terms;
     errors->of_gauge = taken(room, dense_rows(N_PAIRS) * dense_columns(n));
     errors->rows = taken(room, dense_rows(common) * dense_columns(n));
-    errors->columns = taken(room, whole * dense_columns(common));
-    errors->along = taken(room, dense_rows(common));
+    errors->load_along = taken(room, loads * dense_rows(common));
+    errors->lost_along = taken(room, n * dense_rows(common));
     errors->sized = taken(room, dense_rows(common));
     errors->common = taken(room, common * whole);
     errors->weighted = taken(room, loads * whole);
@@ -95,8 +95,6 @@ void current_errors_arrays(Scaled *scaled, Room *room) {
     errors->product = taken(room, whole);
     errors->powers = taken(room, dense_columns(N_FACTORS));
     errors->value = taken(room, dense_rows(FIVE_VALUES));
-    errors->error_of_y = taken(room, n * whole);
-    errors->weighted_error = taken(room, n * whole);
     errors->own = taken(room, whole);
     for (size_t k = 0; k < CACHED_INTERVALS; k++) {
         errors->interval[k].factor = taken(room, dense_rows(values) * dense_columns(N_FACTORS));
@@ -110,8 +108,6 @@ void current_errors_arrays(Scaled *scaled, Room *room) {
     errors->common_load = taken(room, 6 * loads);
     errors->node = taken(room, N_PAIRS * values);
     errors->sum = taken(room, dense_rows(N_PAIRS));
-    errors->square = taken(room, n * n);
-    errors->load_error = taken(room, N_LOADS * n);
 }
 
 void current_errors_prepare(Scaled *scaled) {
@@ -127,7 +123,6 @@ void current_errors_prepare(Scaled *scaled) {
     }
     dense_panels(N_PAIRS, n, form->of_gauge, n, 1, errors->of_gauge);
     dense_panels(6 * form->n_terms, n, form->common, n, 1, errors->rows);
-    dense_panels(n, 6 * form->n_terms, form->common, 1, n, errors->columns);
     for (size_t t = 0; t < 6 * form->n_terms; t++) {
         memcpy(errors->product, form->common + t * n, n * sizeof *errors->product);
         /* V E_ta: the common errors in directions, in which G and P are diagonal. */
@@ -164,8 +159,9 @@ static void set_gains(Scaled *scaled, double ratio) {
             const double weight = ratio * (ratio * form->singular[a]) * errors->unresolved[a];
             weighted[a] = (a < form->n_free ? 1.0 : weight) * load_of(scaled, a, k);
         }
-        dense_times(scaled->wide, n, n, scaled->columns, weighted, errors->gain + k * whole);
     }
+    dense_times_many(scaled->wide, n, n, scaled->columns, N_LOADS + errors->n_other, errors->weighted, whole, errors->gain,
+                     whole);
 }
 
 /* k_vp of the gauges' own errors: sum over gauges of (sum_t D_tai D_tbi) times errors->product, which is G_ig G_jg
@@ -367,110 +363,120 @@ void current_errors_set_powers(Scaled *scaled) {
     }
 }
 
-/* D y = own y + sum_t E_t' M E_t y, where M (6, 6) is the symmetric matrix c c' - mean: along = E y, sized = M
-   along. D_ii of own errors is in errors->own. */
-static void error_of(Scaled *scaled, const double *y, double *out) {
-    const size_t n = scaled->map->n_gauges, n_terms = scaled->map->form.n_terms;
+/* G of the gauges in use, and E times G' and Y. */
+void current_errors_take_lost(Scaled *scaled) {
+    const size_t n = scaled->map->n_gauges, whole = dense_rows(n), common = 6 * scaled->map->form.n_terms;
+    const ScaledStep *step = &scaled->step;
     CurrentErrors *errors = &scaled->errors;
-    dense_times(scaled->wide, 6 * n_terms, n, errors->rows, y, errors->along);
-    memset(errors->sized, 0, dense_rows(6 * n_terms) * sizeof *errors->sized);
-    for (size_t first = 0; first < 6 * n_terms; first += 6) {
+    if (!scaled->map->form.has_errors) {
+        return;
+    }
+    memcpy(errors->unresolved, step->unresolved, n * sizeof *errors->unresolved);
+    set_gains(scaled, step->ratio);
+    for (size_t k = 0; k < N_LOADS + errors->n_other; k++) {
+        const double *growth =
+            k < N_LOADS ? step->growth + k * step->n_lost : lost_rows_other_growth(scaled, k - N_LOADS);
+        double *restrict gain = errors->gain + k * whole;
+        for (size_t j = 0; j < step->n_lost; j++) {
+            const double *restrict y = step->y + j * whole;
+            for (size_t g = 0; g < n; g++) {
+                gain[g] -= growth[j] * y[g];
+            }
+        }
+        dense_times(scaled->wide, common, n, errors->rows, gain, errors->load_along + k * dense_rows(common));
+    }
+    for (size_t j = 0; j < step->n_lost; j++) {
+        dense_times(scaled->wide, common, n, errors->rows, step->y + j * whole, errors->lost_along + j * dense_rows(common));
+    }
+}
+
+static void set_own(Scaled *scaled) {
+    const size_t n = scaled->map->n_gauges;
+    CurrentErrors *errors = &scaled->errors;
+    memset(errors->own, 0, n * sizeof *errors->own);
+    for (size_t pair = 0; pair < N_PAIRS; pair++) {
+        const double *restrict of_gauge = scaled->map->form.of_gauge + pair * n;
+        for (size_t g = 0; g < n; g++) {
+            errors->own[g] += errors->powers[pair] * of_gauge[g];
+        }
+    }
+}
+
+/* D x for vectors of gauges x of which `along` is E x: own x in `product`, and M along in `sized`, where M (6, 6) is the
+   symmetric matrix c c' - mean. Then y' D x = y' (own x) + (E y)' M E x. */
+static void set_error(const Scaled *scaled, const double *x, const double *along) {
+    const size_t n = scaled->map->n_gauges, common = 6 * scaled->map->form.n_terms;
+    const CurrentErrors *errors = &scaled->errors;
+    for (size_t g = 0; g < n; g++) {
+        errors->product[g] = errors->own[g] * x[g];
+    }
+    memset(errors->sized, 0, common * sizeof *errors->sized);
+    for (size_t first = 0; first < common; first += 6) {
         for (size_t a = 0, pair = 0; a < 6; a++) {
             for (size_t b = a; b < 6; b++, pair++) {
-                errors->sized[first + a] += errors->powers[pair] * errors->along[first + b];
-                errors->sized[first + b] += a == b ? 0.0 : errors->powers[pair] * errors->along[first + a];
+                errors->sized[first + a] += errors->powers[pair] * along[first + b];
+                errors->sized[first + b] += a == b ? 0.0 : errors->powers[pair] * along[first + a];
             }
         }
     }
-    dense_times(scaled->wide, n, 6 * n_terms, errors->columns, errors->sized, out);
-    for (size_t g = 0; g < n; g++) {
-        out[g] += errors->own[g] * y[g];
-    }
 }
 
-/* For each column of Y: D Y, W V D Y by direction (weighted_error), its loads G D Y, and Y' D Y. */
-void current_errors_take_lost(Scaled *scaled) {
-    const size_t n = scaled->map->n_gauges, whole = dense_rows(n), n_lost = scaled->step.n_lost;
-    const ScaledForm *form = &scaled->map->form;
+static double times_error(const Scaled *scaled, const double *y, const double *along) {
+    const CurrentErrors *errors = &scaled->errors;
+    return dot(scaled->map->n_gauges, y, errors->product) + dot(6 * scaled->map->form.n_terms, along, errors->sized);
+}
+
+/* G D G' of loads by the gauges in use, into `covariance` row by row, and what lost ones had of tr(P D). */
+static double set_in_use(Scaled *scaled, double *covariance) {
+    const size_t whole = dense_rows(scaled->map->n_gauges), common = dense_rows(6 * scaled->map->form.n_terms);
     const ScaledStep *step = &scaled->step;
-    CurrentErrors *errors = &scaled->errors;
-    double loads[ROWS];
-    memset(errors->own, 0, n * sizeof *errors->own);
-    for (size_t pair = 0; pair < N_PAIRS; pair++) {
-        for (size_t g = 0; g < n; g++) {
-            errors->own[g] += errors->powers[pair] * form->of_gauge[pair * n + g];
+    const CurrentErrors *errors = &scaled->errors;
+    double trace = 0.0;
+    set_own(scaled);
+    for (size_t j = 0; j < N_LOADS; j++) {
+        set_error(scaled, errors->gain + j * whole, errors->load_along + j * common);
+        for (size_t i = 0; i <= j; i++) {
+            covariance[i * N_LOADS + j - i * (i + 1) / 2] =
+                times_error(scaled, errors->gain + i * whole, errors->load_along + i * common);
         }
     }
-    for (size_t k = 0; k < n_lost; k++) {
-        double *error = errors->error_of_y + k * whole, *weighted = errors->weighted_error + k * whole;
-        error_of(scaled, step->y + k * whole, error);
-        dense_times(scaled->wide, n, n, scaled->rows, error, weighted);
-        for (size_t a = 0; a < n; a++) {
-            weighted[a] *= step->weight[a];
-        }
-        dense_times(scaled->wide, N_LOADS, n, scaled->loads, weighted, loads);
-        for (size_t i = 0; i < N_LOADS; i++) {
-            errors->load_error[i * n_lost + k] = loads[i];
-        }
-        for (size_t j = 0; j <= k; j++) {
-            errors->square[k * n_lost + j] = errors->square[j * n_lost + k] =
-                dot(n, step->y + j * whole, error);
-        }
-    }
-}
-
-/* The part of value (first, second) of G D G' by lost gauges: B Y' D Y B' - B Y' D G' - G D Y B'. */
-static double of_lost(const Scaled *scaled, const double *first, const double *first_error, const double *second,
-                      const double *second_error) {
-    const size_t n_lost = scaled->step.n_lost;
-    const double *square = scaled->errors.square;
-    double sum = -(dot(n_lost, first, second_error) + dot(n_lost, first_error, second));
-    for (size_t k = 0; k < n_lost; k++) {
-        sum += first[k] * dot(n_lost, square + k * n_lost, second);
-    }
-    return sum;
-}
-
-/* cov f = base + s^2 G D G' of the gauges in use; the result is tr(P D). */
-double current_errors_add(Scaled *scaled, const double *base, double *covariance) {
-    const size_t n_lost = scaled->step.n_lost;
-    const double *growth = scaled->step.growth, square_of_ratio = scaled->step.ratio * scaled->step.ratio;
-    CurrentErrors *errors = &scaled->errors;
-    const Interval *interval = scaled->step.interval;
-    size_t v = 0;
-    dense_times(scaled->wide, FIVE_VALUES, N_FACTORS, interval->factor, errors->powers, errors->value);
-    double trace = errors->value[TRACE];
-    for (size_t k = 0; k < n_lost; k++) {
-        trace -= errors->square[k * n_lost + k];
-    }
-    for (size_t i = 0; i < N_LOADS; i++) {
-        for (size_t j = i; j < N_LOADS; j++, v++) {
-            const double lost = n_lost == 0 ? 0.0
-                                            : of_lost(scaled, growth + i * n_lost, errors->load_error + i * n_lost,
-                                                      growth + j * n_lost, errors->load_error + j * n_lost);
-            const double added = square_of_ratio * (errors->value[v] + lost);
-            covariance[i * N_LOADS + j] = covariance[j * N_LOADS + i] = base[i * N_LOADS + j] + added;
-        }
+    for (size_t j = 0; j < step->n_lost; j++) {
+        set_error(scaled, step->y + j * whole, errors->lost_along + j * common);
+        trace += times_error(scaled, step->y + j * whole, errors->lost_along + j * common);
     }
     return trace;
 }
 
-/* The variance G_j D G_j' of load j, from its row of `factor`, which lies in panels; lost gauges as in
-   current_errors_add, with first = second. */
-double current_errors_of_other(const Scaled *scaled, size_t j, const double *growth) {
-    const size_t n = scaled->map->n_gauges, whole = dense_rows(n), n_lost = scaled->step.n_lost, row = FIVE_VALUES + j;
+/* cov f = base + s^2 G D G' of the gauges in use; the result is tr(P D). */
+double current_errors_add(Scaled *scaled, const double *base, double *covariance) {
+    const double square = scaled->step.ratio * scaled->step.ratio;
+    double *value = scaled->errors.value;
+    dense_times(scaled->wide, FIVE_VALUES, N_FACTORS, scaled->step.interval->factor, scaled->errors.powers, value);
+    if (scaled->step.n_lost > 0) {
+        value[TRACE] -= set_in_use(scaled, value);
+    }
+    for (size_t i = 0, v = 0; i < N_LOADS; i++) {
+        for (size_t j = i; j < N_LOADS; j++, v++) {
+            covariance[i * N_LOADS + j] = covariance[j * N_LOADS + i] = base[i * N_LOADS + j] + square * value[v];
+        }
+    }
+    return value[TRACE];
+}
+
+/* The variance G_j D G_j' of load j: where all gauges are in use from its row of `factor`, which lies in panels. */
+double current_errors_of_other(const Scaled *scaled, size_t j) {
+    const size_t n = scaled->map->n_gauges, row = FIVE_VALUES + j;
     const CurrentErrors *errors = &scaled->errors;
+    if (scaled->step.n_lost > 0) {
+        const double *gain = errors->gain + (N_LOADS + j) * dense_rows(n);
+        const double *along = errors->load_along + (N_LOADS + j) * dense_rows(6 * scaled->map->form.n_terms);
+        set_error(scaled, gain, along);
+        return times_error(scaled, gain, along);
+    }
     const double *panel = scaled->step.interval->factor + row / ROWS * ROWS * dense_columns(N_FACTORS) + row % ROWS;
     double sum = 0.0;
     for (size_t k = 0; k < N_FACTORS; k++) {
         sum += panel[k * ROWS] * errors->powers[k];
-    }
-    for (size_t k = 0; k < n_lost; k++) {
-        double along = 0.0;
-        for (size_t a = 0; a < n; a++) {
-            along += scaled->other_loads->load[a * errors->n_other + j] * errors->weighted_error[k * whole + a];
-        }
-        sum += growth[k] * (dot(n_lost, errors->square + k * n_lost, growth) - 2.0 * along);
     }
     return sum;
 }

@@ -3,8 +3,8 @@
 
    D is linear in 21 products of coefficients. With all gauges the factors of these products are smooth functions of the
    pressure ratio: in an interval of ratios, a factor 2^(1/16) wide, polynomials through N_NODES exact values hold them to
-   1e-10 of a variance. An interval is filled in the step that first enters it, and kept. Lost gauges are taken out exactly in
-   each step, with P = P_all - Y Y' and G = G_all - B Y'. */
+   1e-10 of a variance. An interval is filled in the step that first enters it, and kept. Lost gauges are taken out exactly,
+   with P = P_all - Y Y' and G = G_all - B Y'. */
 
 #ifndef CURRENT_ERRORS_H
 #define CURRENT_ERRORS_H
@@ -27,13 +27,14 @@ int current_errors_set_bound(const Scaled *scaled, const Interval *interval, siz
 /* step->powers: products of the coefficients of the loads less their mean, times powers of the ratio in its interval. */
 void current_errors_set_powers(Scaled *scaled);
 
-/* Y of the lost gauges, D Y and what this is in loads; needs the R of predict_lost and the products. */
+/* The gain of the gauges in use, and what errors in common make of it and of Y: where the lost gauges or the ratio change,
+   after lost_rows_prepare. */
 void current_errors_take_lost(Scaled *scaled);
 
 /* The covariance (5, 5) of the loads, with them added to `base`; the trace of P D at a ratio of 1. */
 double current_errors_add(Scaled *scaled, const double *base, double *covariance);
 
-/* What they add to the variance of other load j; growth (n_lost) is its row of B. */
-double current_errors_of_other(const Scaled *scaled, size_t j, const double *growth);
+/* What they add to the variance of other load j. */
+double current_errors_of_other(const Scaled *scaled, size_t j);
 
 #endif

@@ -86,17 +86,17 @@ static void predict_lost(const Scaled *scaled, double *rotated, double *vector) 
 /* Column j of Y is V' D^-1/2 Q times the unit vector j. */
 static void set_y(Scaled *scaled) {
     const ScaledStep *step = &scaled->step;
-    const size_t n = scaled->map->n_gauges;
-    double *column = step->scratch[1];
+    const size_t n = scaled->map->n_gauges, whole = dense_rows(n);
     for (size_t j = 0; j < step->n_lost; j++) {
+        double *column = scaled->of_lost + j * whole;
         memset(column, 0, n * sizeof *column);
         column[j] = 1.0;
-        householder_back(n, step->n_lost, step->qr_of_truth.matrix, step->qr_of_truth.head, column);
+        householder_back(scaled->wide, n, step->n_lost, step->qr_of_truth.matrix, step->qr_of_truth.head, column);
         for (size_t a = 0; a < n; a++) {
             column[a] *= step->qr_of_truth.root[a];
         }
-        dense_times(scaled->wide, n, n, scaled->columns, column, step->y + j * dense_rows(n));
     }
+    dense_times_many(scaled->wide, n, n, scaled->columns, step->n_lost, scaled->of_lost, whole, step->y, whole);
 }
 
 /* Rows of B: R'^-1 times V_L' W F', a load at a time. */
@@ -116,6 +116,21 @@ static void set_growth(Scaled *scaled) {
     for (size_t i = 0; i < N_LOADS; i++) {
         solve_transposed(n, n_lost, step->qr_of_gain.matrix, step->growth + i * n_lost);
     }
+}
+
+const double *lost_rows_other_growth(const Scaled *scaled, size_t j) {
+    const ScaledStep *step = &scaled->step;
+    const size_t n = scaled->map->n_gauges, m = scaled->other_loads->map.n_loads;
+    double *growth = scaled->other_loads->growth;
+    for (size_t k = 0; k < step->n_lost; k++) {
+        const double *column = scaled->map->form.whitening + step->lost[k] * n;
+        growth[k] = 0.0;
+        for (size_t a = 0; a < n; a++) {
+            growth[k] += step->weight[a] * scaled->other_loads->load[a * m + j] * column[a];
+        }
+    }
+    solve_transposed(n, step->n_lost, step->qr_of_gain.matrix, growth);
+    return growth;
 }
 
 void lost_rows_prepare(Scaled *scaled) {
@@ -143,7 +158,7 @@ void lost_rows_condition(Scaled *scaled) {
     /* The tail is D^-1/2 (w - V_L e) in rotated coordinates: its square is chi-square, and rotated back it is D^1/2 x. */
     step->chi_square = dot(n - n_lost, rotated + n_lost, rotated + n_lost);
     memset(rotated, 0, n_lost * sizeof *rotated);
-    householder_back(n, n_lost, step->qr_of_truth.matrix, step->qr_of_truth.head, rotated);
+    householder_back(scaled->wide, n, n_lost, step->qr_of_truth.matrix, step->qr_of_truth.head, rotated);
     for (size_t a = 0; a < n; a++) {
         step->x[a] = step->qr_of_truth.root[a] * rotated[a];
     }
@@ -170,7 +185,7 @@ void lost_rows_products(Scaled *scaled, double products[N_VALUES]) {
         shift[i] = scaled->shift + i * n;
         memset(shift[i], 0, n * sizeof *shift[i]);
         memcpy(shift[i], step->growth + i * step->n_lost, step->n_lost * sizeof *shift[i]);
-        householder_back(n, step->n_lost, step->qr_of_gain.matrix, step->qr_of_gain.head, shift[i]);
+        householder_back(scaled->wide, n, step->n_lost, step->qr_of_gain.matrix, step->qr_of_gain.head, shift[i]);
     }
     memset(products, 0, N_VALUES * sizeof *products);
     for (size_t a = 0; a < n; a++) {

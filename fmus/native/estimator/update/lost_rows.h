@@ -12,6 +12,9 @@ void lost_rows_arrays(size_t n, LostRows *rows, Room *room);
    predicted. */
 void lost_rows_prepare(Scaled *scaled);
 
+/* The row of B of load j in addition to the five, in scratch of the other loads. */
+const double *lost_rows_other_growth(const Scaled *scaled, size_t j);
+
 /* Then, of a sample: chi-square and x; w of the lost gauges is predicted. */
 void lost_rows_condition(Scaled *scaled);
 

@@ -66,6 +66,7 @@ void scaled_arrays(Scaled *scaled, Room *room) {
     scaled->own_mean = taken(room, whole);
     scaled->residual = taken(room, whole);
     step->y = taken(room, n * whole);
+    scaled->of_lost = taken(room, n * whole);
     lost_rows_arrays(n, &step->qr_of_truth, room);
     lost_rows_arrays(n, &step->qr_of_gain, room);
     step->growth = taken(room, N_LOADS * n);
@@ -229,6 +230,7 @@ EVERYWHERE void prepare_spread(Scaled *scaled) {
     step->interval = current_interval(scaled, step->ratio);
     if (step->n_lost > 0) {
         step->bounded = current_errors_set_bound(scaled, step->interval, step->n_lost, step->bound);
+        current_errors_take_lost(scaled);
     }
 }
 
@@ -271,9 +273,6 @@ static void add_errors(Scaled *scaled, ScaledStep *step) {
         return;
     }
     current_errors_set_powers(scaled);
-    if (step->n_lost > 0) {
-        current_errors_take_lost(scaled);
-    }
     const double trace = current_errors_add(scaled, step->base, step->covariance);
     if (freedom > 0) {
         const double least = scaled->map->form.min_expected_ratio;
@@ -341,22 +340,6 @@ void scaled_standardised_residuals(Scaled *scaled, double *z) {
     }
 }
 
-/* Row j of B for a load in addition to the five, as in lost_rows.c; its square is what lost gauges add to the
-   variance. */
-static void set_growth(const Scaled *scaled, size_t j) {
-    const ScaledStep *step = &scaled->step;
-    const size_t n = scaled->map->n_gauges, m = scaled->other_loads->map.n_loads;
-    double *growth = scaled->other_loads->growth;
-    for (size_t k = 0; k < step->n_lost; k++) {
-        const double *column = scaled->map->form.whitening + step->lost[k] * n;
-        growth[k] = 0.0;
-        for (size_t a = 0; a < n; a++) {
-            growth[k] += step->weight[a] * scaled->other_loads->load[a * m + j] * column[a];
-        }
-    }
-    solve_transposed(n, step->n_lost, step->qr_of_gain.matrix, growth);
-}
-
 void scaled_other_load(const Scaled *scaled, size_t j, double *value, double *variance, double *per_pressure) {
     const OtherLoads *other_loads = scaled->other_loads;
     const ScaledStep *step = &scaled->step;
@@ -371,10 +354,10 @@ void scaled_other_load(const Scaled *scaled, size_t j, double *value, double *va
     }
     *value = other_loads->map.fixed_load[j] + s * other_loads->map.load_of_mean[j] + sum;
     *per_pressure = (other_loads->map.load_of_mean[j] - of_mean) / scaled->map->dynamic_pressure;
-    set_growth(scaled, j);
-    *variance = spread + s * s * other_loads->unseen[j] + dot(step->n_lost, other_loads->growth, other_loads->growth);
+    const double *growth = lost_rows_other_growth(scaled, j);
+    *variance = spread + s * s * other_loads->unseen[j] + dot(step->n_lost, growth, growth);
     if (scaled->map->form.has_errors) {
-        *variance += s * s * current_errors_of_other(scaled, j, other_loads->growth);
+        *variance += s * s * current_errors_of_other(scaled, j);
     }
     *variance = *variance > 0.0 ? *variance : 0.0;
 }

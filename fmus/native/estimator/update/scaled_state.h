@@ -33,17 +33,15 @@ typedef struct {
     size_t next;              /* the one to give way */
     double *of_gauge;         /* (21, n) of the map, in panels */
     double *common;           /* (n_terms, 6, whole) V E */
-    double *rows, *columns;   /* (6 n_terms, n) E and its transpose, in panels */
+    double *rows;             /* (6 n_terms, n) E, in panels */
     /* Of the step. */
     double *powers;           /* (6, 21) c_a c_b less its mean, times powers of the ratio in its interval */
     double *value;            /* (16) G D G' and the trace of P D, with all gauges */
     double *own;              /* (n) D_ii of the gauges' own errors */
-    double *error_of_y;       /* (n_lost, whole) D Y */
-    double *weighted_error;   /* (n_lost, whole) V D Y by direction, times its weight, */
-    double *load_error;       /* (5, n_lost) its loads, G D Y */
-    double *square;           /* (n_lost, n_lost) Y' D Y */
-    double *along, *sized;    /* (6 n_terms) scratch of D Y */
-    /* Scratch of an interval. */
+    double *load_along;       /* (5 and other loads, 6 n_terms) E G' where gauges are lost, of G below, */
+    double *lost_along;       /* (n_lost, 6 n_terms) and E Y */
+    double *sized;            /* (6 n_terms) scratch of a product with D */
+    /* Of an interval, or of the lost gauges of the step. */
     double *weighted, *gain;  /* (5 and other loads, whole) by direction; G */
     double *unresolved, *precision, *product; /* (whole) u, P_ii, and products of them */
     double *common_load;      /* (6, 5 and other loads) */
@@ -103,6 +101,7 @@ typedef struct {
     double *size;      /* (n) |V_i| */
     double *of_gain;   /* (n) u of the gain, in which the prior of the states is another than in truth; NULL where it is u */
     double *shift;     /* (5, n) scratch of lost_rows.c */
+    double *of_lost;   /* (n_lost, dense_rows(n)) the same: D^-1/2 Q_head */
     double *mean;      /* (dense_rows(n)) V (m - d_0) of all gauges, */
     double *mean_left; /* the same where some are lost */
     double *own_mean;  /* (dense_rows(n)) scratch: m - d_0, 0 for lost gauges */
