@@ -82,8 +82,11 @@ def chi_square_survival(value: float, degrees_of_freedom: int) -> float:
     half = 0.5 * value
     start = 1 if degrees_of_freedom % 2 else 2
     total = erfc(sqrt(half)) if start == 1 else exp(-half)
-    for k in range(start, degrees_of_freedom, 2):
-        total += exp(0.5 * k * log(half) - half - lgamma(0.5 * k + 1.0))
+    for k in reversed(range(start, degrees_of_freedom, 2)):
+        term = exp(0.5 * k * log(half) - half - lgamma(0.5 * k + 1.0))
+        total += term
+        if k < value and term < 1e-20 * total:
+            break  # terms below fall
     return min(total, 1.0)
 
 
