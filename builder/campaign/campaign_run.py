@@ -149,14 +149,31 @@ def run_campaign(campaign: Campaign, path: Path, scheduling: Scheduling, reporte
     return CampaignResult(snapshots, tally, up_to_date)
 
 
+def snapshots_in_memory(
+    campaign: Campaign, scheduling: Scheduling, reporter: Reporter, title: str
+) -> CampaignResult:
+    """Return the snapshots of ``campaign`` without a file; conditions beyond the engine's reach are left out.
+
+    Raises
+    ------
+    FlowReachError
+        Every condition is.
+    """
+    failed: dict[FlowKey, str] = {}
+    keys = map(campaign.engine.flow_key, campaign.conditions)
+    flows, tally = complete_flows(campaign.engine, keys, reporter, title, scheduling=scheduling, failed=failed)
+    return CampaignResult(snapshots_of_flows(campaign, flows, failed), tally, up_to_date=False)
+
+
 def complete_flows(
     engine: Engine,
     keys: Iterable[FlowKey],
-    journal: Journal | None,
-    known: Mapping[FlowKey, Flow],
-    scheduling: Scheduling,
     reporter: Reporter,
     title: str,
+    *,
+    journal: Journal | None = None,
+    known: Mapping[FlowKey, Flow] | None = None,
+    scheduling: Scheduling | None = None,
     failed: dict[FlowKey, str] | None = None,
 ) -> tuple[dict[FlowKey, Flow], Tally]:
     """Return the flow of every key: from ``known``, from the journal, or solved and added to the journal.
@@ -172,7 +189,7 @@ def complete_flows(
         As :func:`run_campaign`.
     """
     engine_hash = fingerprint(engine.inputs())
-    needed = set(keys)
+    needed, known, scheduling = set(keys), known or {}, scheduling or Scheduling()
     at_hand = {**known, **(journal.flows(engine_hash) if journal else {})}
     flows = {key: at_hand[key] for key in needed & at_hand.keys()}
     reused = len(flows)

@@ -13,14 +13,12 @@ from pathlib import Path
 from typing import Any
 from warnings import warn
 
-from builder.aero.engine import FlowKey
 from builder.aero.engines.registry import make_engine
 from builder.campaign.campaign_run import (
     Campaign,
     CampaignResult,
     campaign_notes,
-    complete_flows,
-    snapshots_of_flows,
+    snapshots_in_memory,
     vehicle_campaign,
 )
 from builder.campaign.failures import failed_conditions, missing_line
@@ -92,24 +90,11 @@ def take_snapshots(
     """
     vehicle, reporter = _vehicle(vehicle), reporter_of(progress)
     campaign = snapshot_campaign(vehicle, reporter)
-    keys = map(campaign.engine.flow_key, campaign.conditions)
-    failed: dict[FlowKey, str] = {}
-    flows, tally = complete_flows(
-        campaign.engine,
-        keys,
-        journal=None,
-        known={},
-        scheduling=Scheduling(workers=workers),
-        reporter=reporter,
-        title=FLOW_TITLE,
-        failed=failed,
-    )
-    snapshots = snapshots_of_flows(campaign, flows, failed)
-    result = CampaignResult(snapshots=snapshots, tally=tally, up_to_date=False)
+    result = snapshots_in_memory(campaign, Scheduling(workers=workers), reporter, FLOW_TITLE)
     note_campaign(result, reporter)
     if result.failed:
-        warn(missing_line(result.failed, len(snapshots.condition)), stacklevel=2)
-    return snapshots
+        warn(missing_line(result.failed, len(result.snapshots.condition)), stacklevel=2)
+    return result.snapshots
 
 
 def solve_structure(

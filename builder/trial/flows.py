@@ -16,6 +16,7 @@ from builder.aero.engine import FlowKey
 from builder.aero.engines.local_inclination import tangent_cone_pressure_ratio
 from builder.aero.engines.newtonian import NewtonianEngine
 from builder.aero.surface.mesh import SurfaceMesh, mesh_of_grid
+from builder.campaign.campaign_run import complete_flows
 from builder.campaign.journal import Journal
 from builder.campaign.scheduling import Scheduling
 from builder.campaign.snapshots import Snapshots
@@ -25,8 +26,8 @@ from builder.trial.conditions import stress_knots
 from builder.truth.revolution.flow_table import (
     FlowTable,
     cosine_series,
+    flow_keys,
     flow_table,
-    solved_flows,
     truth_engine,
     truth_surface,
 )
@@ -166,8 +167,8 @@ def stress_flows(
     mach, incidence = stress_knots(vehicle, square)
     failed: dict[FlowKey, str] = {}
     title = "Flow: inside the envelope" if square else "Flow: beyond the envelope"
-    how: dict[str, Any] = {"title": title, "journal": journal, "scheduling": scheduling, "failed": failed}
-    flows = solved_flows(vehicle, mach, incidence, reporter, **how)
+    how: dict[str, Any] = {"journal": journal, "scheduling": scheduling, "failed": failed}
+    flows, _ = complete_flows(truth_engine(vehicle), flow_keys(mach, incidence), reporter, title, **how)
     solved = np.array([[(m, a) not in failed for a in incidence.tolist()] for m in mach.tolist()])
     rows, columns = solved_knots(solved)
     if rows.sum() < 2 or columns.sum() < 2:

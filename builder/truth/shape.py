@@ -13,13 +13,12 @@ from functools import cached_property
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from builder.aero.engine import FlowKey
 from builder.aero.engines.registry import make_engine
 from builder.aero.loads.operator import coefficients_of
 from builder.aero.loads.sections import six_loads
 from builder.aero.mapping.pressure_map import consistent_map
 from builder.aero.surface.mesh import SurfaceMesh
-from builder.campaign.campaign_run import complete_flows, snapshots_of_flows, vehicle_campaign
+from builder.campaign.campaign_run import snapshots_in_memory, vehicle_campaign
 from builder.campaign.scheduling import Scheduling
 from builder.campaign.snapshots import Snapshots
 from builder.reporting import Reporter
@@ -237,18 +236,7 @@ def shape_flows(
     """
     engine = make_engine(vehicle, None, vehicle.resolution.truth)
     campaign = vehicle_campaign(vehicle, engine, (ConditionSet("independent model", tuple(conditions)),))
-    failed: dict[FlowKey, str] = {}
-    flows, _ = complete_flows(
-        engine,
-        [engine.flow_key(condition) for condition in conditions],
-        journal=None,
-        known={},
-        scheduling=Scheduling(workers=0),
-        reporter=reporter,
-        title=title,
-        failed=failed,
-    )
-    return snapshots_of_flows(campaign, flows, failed)
+    return snapshots_in_memory(campaign, Scheduling(workers=0), reporter, title).snapshots
 
 
 def at_conditions(flows: Snapshots, conditions: Sequence[FlightCondition]) -> Snapshots | None:

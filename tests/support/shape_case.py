@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 
 from builder.aero.engines.registry import make_engine
 from builder.aero.surface.mesh import SurfaceMesh
-from builder.campaign.campaign_run import complete_flows, snapshots_of_flows, vehicle_campaign
+from builder.campaign.campaign_run import snapshots_in_memory, vehicle_campaign
 from builder.campaign.scheduling import Scheduling
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
@@ -50,16 +50,7 @@ def flown(conditions: Sequence[FlightCondition]) -> Snapshots:
     coarse = vehicle.resolution.map.model_copy(update={"surface_stations": 20, "surface_roll_angles": 48})
     engine = make_engine(vehicle, "newtonian", coarse)
     campaign = vehicle_campaign(vehicle, engine, (ConditionSet("given", tuple(conditions)),))
-    flows, _ = complete_flows(
-        engine,
-        [engine.flow_key(condition) for condition in conditions],
-        journal=None,
-        known={},
-        scheduling=Scheduling(workers=0),
-        reporter=Silent(),
-        title="Flow",
-    )
-    return snapshots_of_flows(campaign, flows, {})
+    return snapshots_in_memory(campaign, Scheduling(workers=0), Silent(), "Flow").snapshots
 
 
 def grid_conditions(

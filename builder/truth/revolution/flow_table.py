@@ -269,40 +269,15 @@ def independent_flows(
 ) -> FlowTable:
     """Solve the flows of the independent model and return their table."""
     mach, incidence = truth_knots(vehicle)
-    how: dict[str, Any] = {"title": "Flow: the vehicle that flies", "journal": journal, "scheduling": scheduling}
-    flows = solved_flows(vehicle, mach, incidence[1:], reporter, **how)
-    return flow_table(vehicle, mach, incidence[1:], flows)
-
-
-def solved_flows(
-    vehicle: Vehicle,
-    mach: FloatArray,
-    incidence: FloatArray,
-    reporter: Reporter,
-    *,
-    title: str,
-    journal: Journal | None = None,
-    scheduling: Scheduling | None = None,
-    failed: dict[FlowKey, str] | None = None,
-) -> dict[FlowKey, Flow]:
-    """Solve the flows at each pair of ``mach`` (n_M,) and ``incidence`` (n_a,) [rad]; why some are beyond the
-    solver's reach goes to ``failed``, or is raised.
-
-    Raises
-    ------
-    InputError
-        A condition is outside the solver's reach.
-    """
-    return complete_flows(
-        engine=truth_engine(vehicle),
-        keys=flow_keys(mach, incidence),
+    flows, _ = complete_flows(
+        truth_engine(vehicle),
+        flow_keys(mach, incidence[1:]),
+        reporter,
+        "Flow: the vehicle that flies",
         journal=journal,
-        known={},
-        scheduling=scheduling or Scheduling(),
-        reporter=reporter,
-        title=title,
-        failed=failed,
-    )[0]
+        scheduling=scheduling,
+    )
+    return flow_table(vehicle, mach, incidence[1:], flows)
 
 
 def flow_table(
