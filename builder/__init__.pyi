@@ -62,7 +62,7 @@ from builder.structure.loads.fourier import fourier_structure as fourier_structu
 from builder.structure.loads.gauge_strain import gauge_strain as gauge_strain
 from builder.structure.loads.gauge_strain import load_resultant as load_resultant
 from builder.structure.loads.of_vehicle import fourier_structure_of as fourier_structure_of
-from builder.structure.loads.of_vehicle import solid_structure_of as solid_structure_of
+from builder.structure.loads.solid import solid_structure_of as solid_structure_of
 from builder.structure.loads.loaded_structure import LoadProperties as LoadProperties
 from builder.structure.loads.temperature import temperature_mode as temperature_mode
 from builder.structure.fourier.ring_gauges import PlacedGauges as PlacedGauges

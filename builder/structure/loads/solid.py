@@ -1,4 +1,4 @@
-"""Known loads on the three-dimensional model, to compare other models of loads with.
+"""Known loads on the three-dimensional model.
 
 Nodal forces are arrays (n_dof,) [N], dof = 3 * node + component along body axes. The strains of all gauges are
 solved for once (adjoint, as in :mod:`~builder.structure.solid.strain_solution`), so that a load costs a product.
@@ -240,6 +240,13 @@ def solid_structure_of(
     mesh : which mesh; a swept one by default.
     properties : what loads need; the density of the vehicle file by default.
     solver_name : name of a solver, or None for the best installed one.
+
+    Raises
+    ------
+    InputError
+        The layout does not exist, the wall does not fit the body, or a gauge is not on its surface.
+    SolverError
+        The solution's residual is too large.
     """
     case = solid_case(vehicle, [layout], mesh, solver_name)
     return solid_structure(
