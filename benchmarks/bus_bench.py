@@ -26,18 +26,19 @@ from rich.table import Table
 
 from benchmarks.bench_flight import PROFILE, BenchFlight, bench_flight
 from builder.pipeline.demonstration.bus_flight import GROUP, check_multicast, private_port
+from strainfmu.can.encoder import frame_of
 from strainfmu.can.frame import import_can, to_message
-from strainfmu.can.frame_layout import NAVIGATION
+from strainfmu.can.frame_layout import NAVIGATION, FrameLayout
 from strainfmu.can.listener import BridgeSummary
 from strainfmu.can.machine import Result
 from strainfmu.can.observed import observed_bridge
 from strainfmu.can.opening import BusSettings, open_bus, shut_down
 from strainfmu.can.options import PUBLISH_RATE, BridgeOptions
-from strainfmu.can.profiles import profile_layout
+from strainfmu.can.profiles import BRIDGE, profile_layout
 from strainfmu.can.quality import Quality
 from strainfmu.can.recording import MicrosecondClock, Recorder
 from strainfmu.can.result_frames import ResultFrames
-from strainfmu.can.setup import make_machine
+from strainfmu.can.setup import all_layouts, make_machine
 from strainfmu.cli.commands.can_bus import PERCENTILES
 from strainfmu.cosim.estimators.step import ENVELOPE_SCORE
 from strainfmu.errors import StrainfmuError
@@ -78,7 +79,8 @@ class BusRun:
     lateness : percentiles 50, 99 and 100 of the sender's own lateness [s].
     outcome : what the on-time cycles came to, by quality and causes; cycles without a result by name.
     summary : of the bridge.
-    python_can_load : fraction of a core that python-can's loop took to receive and count the same frames.
+    python_can_load, answered_load : fraction of a core that python-can's loop took to receive and count the same
+        frames; and to send the bridge's number of result frames on top, which come back as they do to the bridge.
     python_can_received, python_can_sent : frames that it received, and that were sent to it.
     """
 
@@ -91,6 +93,7 @@ class BusRun:
     outcome: Counter[str]
     summary: BridgeSummary
     python_can_load: float
+    answered_load: float
     python_can_received: int
     python_can_sent: int
 
@@ -193,6 +196,8 @@ def bus_run(folder: Path, rate: float, duration: float, burners: int = 0) -> Bus
     InputError, StrainfmuError
         A file is missing or damaged; there is no route for multicast, or a process failed.
     """
+    frames = all_layouts(folder / "estimator.fmu", _options(rate, 0))
+    results = [frame for frame in frames if frame.sender == BRIDGE and frame.cycle_time is not None]
     gauge_names = load_inverse_map(folder / "map.h5").gauge_names
     n_frames = profile_layout(PROFILE, gauge_names, 1.0 / rate).cycle_length
     port = private_port()
@@ -204,11 +209,14 @@ def bus_run(folder: Path, rate: float, duration: float, burners: int = 0) -> Bus
             with _child(_sender, folder, rate, port, duration) as sender:
                 sent: np.ndarray = _expect(sender)
             answers, summary = _ended(bridge)
-        with _child(_python_can, port) as counter:
-            _expect(counter)
-            with _child(_sender, folder, rate, port, min(duration, PYTHON_CAN_DURATION)) as sender:
-                again: np.ndarray = _expect(sender)
-            received, load = _ended(counter)
+        loops = []
+        for answers in ([], results):
+            with _child(_python_can, port, n_frames, answers) as counter:
+                _expect(counter)
+                with _child(_sender, folder, rate, port, min(duration, PYTHON_CAN_DURATION)) as sender:
+                    again: np.ndarray = _expect(sender)
+                loops.append(_ended(counter))
+    (received, load), (_, answered_load) = loops
     period = 1.0 / rate
     counted = np.arange(len(sent)) >= SETTLING_CYCLES
     on_time = np.flatnonzero(counted & (sent <= ON_TIME * period))
@@ -222,6 +230,7 @@ def bus_run(folder: Path, rate: float, duration: float, burners: int = 0) -> Bus
         outcome=_outcome(answers, on_time, period),
         summary=summary,
         python_can_load=load,
+        answered_load=answered_load,
         python_can_received=received,
         python_can_sent=n_frames * len(again),
     )
@@ -266,17 +275,9 @@ def _bridge(end: Connection, folder: Path, rate: float, port: int, log: Path) ->
         is_valid = result.quality is Quality.VALID
         answers.append((result.sample_time, "VALID" if is_valid else _text_of(result)))
 
-    options = BridgeOptions(
-        interface="udp_multicast",
-        channel=GROUP,
-        bus_options=(f"port={port}",),
-        profile=PROFILE,
-        cycle_time=1.0 / rate,
-        restart="accept",  # the sender hears no results
-    )
     fmu = folder / "estimator.fmu"
     with observed_bridge(
-        fmu, options, record=log, publish="127.0.0.1:9", publish_rate=PUBLISH_RATE, also=keep
+        fmu, _options(rate, port), record=log, publish="127.0.0.1:9", publish_rate=PUBLISH_RATE, also=keep
     ) as observed:
         bridge = observed.bridge
 
@@ -295,24 +296,43 @@ def _text_of(result: Result) -> str:
     return f"{result.quality.name}: {causes or 'no cause'}"
 
 
-def _python_can(end: Connection, port: int) -> None:
-    """Receive and count, no more, with python-can alone; report the number of frames and the load."""
+def _python_can(end: Connection, port: int, n_frames: int, results: list[FrameLayout]) -> None:
+    """Receive and count with python-can alone, and send ``results`` behind every ``n_frames`` of others, no more;
+    report the number of frames and the load."""
     can = import_can()
     settings = _settings(port)
     bus = can.Bus(interface=settings.interface, channel=settings.channel, **settings.options, fd=True)
+    answers = [to_message(frame_of(layout, bytes(layout.length))) for layout in results]
+    own = {answer.arbitration_id for answer in answers}
     end.send("ready")
     count, begin, spent = 0, 0.0, 0.0
     while not end.poll():
         for _ in range(500):
-            if bus.recv(0.1) is None:
+            message = bus.recv(0.1)
+            if message is None:
                 break
             if count == 0:
                 begin, spent = time.monotonic(), time.process_time()
-            count += 1
             last = time.monotonic()
+            if message.arbitration_id in own:
+                continue
+            count += 1
+            for answer in () if count % n_frames else answers:
+                bus.send(answer, timeout=0.0)
     load = (time.process_time() - spent) / max(last - begin, 1e-9) if count else 0.0
     shut_down(bus)
     end.send((count, load))
+
+
+def _options(rate: float, port: int) -> BridgeOptions:
+    return BridgeOptions(
+        interface="udp_multicast",
+        channel=GROUP,
+        bus_options=(f"port={port}",),
+        profile=PROFILE,
+        cycle_time=1.0 / rate,
+        restart="accept",  # the sender hears no results
+    )
 
 
 def _settings(port: int) -> BusSettings:
@@ -416,7 +436,9 @@ def bus_rows(cost: CoreCost, run: BusRun, linear: CoreCost | None = None) -> lis
     heard = f"{run.python_can_received} of {run.python_can_sent} frames"
     rows += [
         ("load of the bridge, page and recorder on", f"{run.load:.1%} of a core"),
-        ("load of python-can's own loop", f"{run.python_can_load:.1%} of a core, {heard}"),
+        ("load of python-can's loop that receives", f"{run.python_can_load:.1%} of a core, {heard}"),
+        ("load of python-can's loop that also sends the results", f"{run.answered_load:.1%} of a core"),
+        ("bridge to these loops", f"{run.load / run.python_can_load:.2f} and {run.load / run.answered_load:.2f}"),
     ]
     return rows
 

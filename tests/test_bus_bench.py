@@ -49,6 +49,7 @@ def test_the_table_of_a_short_run(folder: Path) -> None:
     assert run.python_can_received == run.python_can_sent == 600
     assert 0.0 < run.load < 1.0
     assert 0.0 < run.python_can_load < 1.0
+    assert 0.0 < run.answered_load < 1.0
     assert "us a cycle" in rows["virtual time: core"]
 
 

@@ -43,8 +43,8 @@ _BUS_OFF = BusState.BUS_OFF
 
 # --- reception ---------------------------------------------------------------------------------------------------
 
-Received = tuple[Any, float]
-"""A message, None for none, and when it was read [s]; or a time that no later message precedes."""
+Received = tuple[Any, float, float]
+"""A message, None for none; when it was read, or a time that no later message precedes; the present time [s]."""
 
 
 class Inbox:
@@ -58,11 +58,11 @@ class Inbox:
     def __init__(self, bus: Any, clock: Clock) -> None:
         self._bus, self._clock, self.dropped = bus, clock, 0
 
-    def get(self, timeout: float) -> Received:
-        """Return the next message, or none that came within ``timeout`` [s]; raise what python-can raises."""
-        begin = self._clock()
-        message = self._bus.recv(timeout)
-        return (None, begin + timeout) if message is None else (message, self._clock())
+    def get(self, begin: float, timeout: float) -> Received:
+        """Return the next message, or none that came from ``begin`` on [s], which has just passed, within
+        ``timeout`` [s]; raise what python-can raises."""
+        message, now = self._bus.recv(timeout), self._clock()
+        return (None, begin + timeout, now) if message is None else (message, now, now)
 
     def close(self) -> None:
         """End reception; the bus is shut down next."""
@@ -86,16 +86,16 @@ class ThreadedInbox(Inbox):
 
     on_error = __call__
 
-    def get(self, timeout: float) -> Received:
+    def get(self, begin: float, timeout: float) -> Received:
         """Return as :meth:`Inbox.get`."""
-        begin = self._clock()
         try:
             message, when = self._waiting.get(timeout > 0.0, timeout)
         except queue.Empty:
-            return None, min(begin + timeout, self._clock())
+            now = self._clock()
+            return None, min(begin + timeout, now), now
         if isinstance(message, Exception):
             raise message
-        return message, when
+        return message, when, self._clock()
 
     def close(self) -> None:
         """End the thread."""
@@ -286,65 +286,60 @@ class Bridge:
             self._connect()
             end = inf if duration is None else self._clock() + duration
             try:
-                while not self._stop and (now := self._clock()) < end:
-                    self._turn(now, end)
+                now = self._clock()
+                while not self._stop and now < end:
+                    now = self._turn(now, end)
             finally:
                 self._disconnect()
         self.machine.finish(self.listener.known)
         return self.summary()
 
-    def _turn(self, now: float, end: float) -> None:
-        """Wait for a message or for the next event, and process it."""
+    def _turn(self, now: float, end: float) -> float:
+        """Wait for a message or for the next event, and process it; return the time then [s]."""
         if self._is_confirmed:
             self._is_confirmed = False
             self.machine.confirm()
         if self.say is not None and now >= self._frames_at:
             self.say(self.machine.frames_text())
             self.say = None
-        listener, due = self.listener, self._back_off.due
+        listener, inbox, due = self.listener, self._inbox, self._back_off.due
         event = min(self.machine.next_event, listener.next_status, end, inf if due is None else due)
         wait = min(max(event - now, 0.0), _LONGEST_WAIT)
-        if self._inbox is None:
+        if inbox is None:
             time.sleep(wait)
-            listener.advance(self._clock())
-        elif received := self._received(wait):
-            message, when = received
-            if message is None:
-                listener.advance(when)
+            now = self._clock()
+            listener.advance(now)
+        else:
+            try:
+                message, when, now = inbox.get(now, wait)
+            except Exception as error:  # whatever an interface raises, go on, or open the bus again
+                self._note_failure(error)
+                now = self._clock()
             else:
-                self._take(message, when)
+                if inbox.dropped:
+                    dropped, inbox.dropped = inbox.dropped, 0
+                    self.machine.count(FrameClass.OVERRUN, listener.known, dropped)
+                    self.machine.note(Cause.OVERLOAD)
+                now = self._take(message, when, now)
         if self._bus is not None and (listener.is_broken or self.machine.bus_state is _BUS_OFF):
             self._lose_bus(listener.failure if listener.is_broken else "bus off")
-        if due is not None and self._clock() >= due:
-            self._reconnect(self._clock())
+        if due is not None and now >= due:
+            self._reconnect(now)
+            now = self._clock()
+        return now
 
-    def _received(self, wait: float) -> Received | None:
-        """Return what the inbox has; None after a failure, which may have been the bus's last."""
-        assert self._inbox is not None
-        try:
-            received = self._inbox.get(wait)
-        except Exception as error:  # whatever an interface raises, the bridge must go on, or open the bus again
-            if is_of_sender(error):
-                self.listener.count_malformed(error)
-            else:
-                self._note_failure(error)
-            return None
-        if self._inbox.dropped:
-            dropped, self._inbox.dropped = self._inbox.dropped, 0
-            self.machine.count(FrameClass.OVERRUN, self.listener.known, dropped)
-            self.machine.note(Cause.OVERLOAD)
-        return received
-
-    def _take(self, message: Any, when: float) -> None:
-        """Have the listener take in a message; cycles that have waited for too long are not answered."""
-        listener, begin = self.listener, self._clock()
-        n_answered = listener.answered
+    def _take(self, message: Any, when: float, begin: float) -> float:
+        """Have the listener take in what was received, at ``begin``; cycles that have waited for too long are not
+        answered. Return the time then [s]."""
+        listener = self.listener
+        if message is None:
+            listener.advance(when)
+            return self._clock()
+        n_answered, now = listener.answered, begin
         listener.take(message, when)
-        now = self._clock()
-        self._answering += now - begin
         if listener.answered > n_answered:
-            self._backlog.answered(self._answering / (listener.answered - n_answered))
-            self._answering = 0.0
+            now = self._clock()
+            self._backlog.answered((now - begin) / (listener.answered - n_answered))
         is_skipping = not self._backlog.is_answered(begin - listener.known)
         if self._is_skipping:
             self.skips[-1] = self.skips[-1][0], listener.known
@@ -355,9 +350,13 @@ class Bridge:
                 self.skips.append((listener.known, listener.known))
         if now >= listener.next_status:
             listener.send_status(now)
+        return now
 
     def _note_failure(self, error: Exception) -> None:
-        """Count a failed reception; give the bus up if it is broken."""
+        """Count a message that is no frame, or a failed reception; give the bus up if it is broken."""
+        if is_of_sender(error):
+            self.listener.count_malformed(error)
+            return
         now = self._clock()
         self.listener.summary.failures += 1
         self._failure_times.append(now)

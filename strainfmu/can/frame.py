@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from binascii import crc_hqx
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, Final
 
 from strainfmu.errors import StrainfmuError, library
@@ -186,20 +187,24 @@ def from_message(message: Any, time: float) -> Frame:
     is_extended, is_fd, bitrate_switch = message.is_extended_id, message.is_fd, message.bitrate_switch
     is_error, is_remote = message.is_error_frame, message.is_remote_frame
     for flag in (is_extended, is_fd, bitrate_switch, is_error, is_remote):
-        if not isinstance(flag, int):  # a bool is one
+        if flag is not True and flag is not False and not isinstance(flag, int):
             raise MalformedFrame(f"frame 0x{identifier:X}: flag: expected true or false, got {str(flag)[:40]}")
     frame = _without_fields(Frame)
     frame.identifier, frame.data, frame.time = int(identifier), bytes(data), time
-    frame.is_extended, frame.is_fd, frame.bitrate_switch = bool(is_extended), bool(is_fd), bool(bitrate_switch)
-    frame.is_error, frame.is_remote = bool(is_error), bool(is_remote)
+    frame.is_extended, frame.is_fd, frame.bitrate_switch = is_extended, is_fd, bitrate_switch
+    frame.is_error, frame.is_remote = is_error, is_remote
     return frame
+
+
+@cache
+def _message_class() -> Any:
+    """Return python-can's class of messages; an import in every call takes as long as a message."""
+    return import_can().Message
 
 
 def to_message(frame: Frame) -> Any:
     """Return ``frame`` as a message of python-can."""
-    import can
-
-    return can.Message(
+    return _message_class()(
         arbitration_id=frame.identifier,
         data=frame.data,
         is_extended_id=frame.is_extended,

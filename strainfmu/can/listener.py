@@ -9,7 +9,7 @@ import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
-from math import isfinite
+from math import isfinite, nan
 from typing import Any
 
 from strainfmu.can.frame import Frame, MalformedFrame, error_line, from_message, import_can, to_message
@@ -132,27 +132,16 @@ class BusListener:
         self.summary, self.answered = BridgeSummary(), 0
         self.last: Result | None = None
         self._last_valid: Result | None = None
-        self._failed_in_a_row, self.failure = 0, ""
+        self._failed_in_a_row, self.failure, self.is_broken = 0, "", False
         self.next_status = self._clock()
 
     def use(self, bus: Any) -> None:
         """Send on ``bus`` from now on, on none if None."""
-        self._bus, self._failed_in_a_row = bus, 0
+        self._bus, self._failed_in_a_row, self.is_broken = bus, 0, False
         self._is_stamped = type(bus).__name__ in HOST_STAMPED
         self._errors = () if bus is None else (import_can().CanError, OSError, ValueError)
 
-    @property
-    def is_broken(self) -> bool:
-        """Whether too many transmissions in a row have failed."""
-        return self._failed_in_a_row >= FAILURES_IN_A_ROW
-
     # --- in ------------------------------------------------------------------------------------------------------
-
-    def on_message_received(self, message: Any) -> None:
-        """Process a message of python-can."""
-        self.take(message, self._clock())
-
-    __call__ = on_message_received
 
     def take(self, message: Any, now: float) -> None:
         """Take in a message that is read at ``now`` [s].
@@ -164,24 +153,17 @@ class BusListener:
         if self._is_stamped:
             waited = time.time() - message.timestamp
             when = round(1e6 * (now - waited)) / 1e6 if 0.0 < waited < _LONGEST_WAIT else now
-        self.known = when = max(when, self.known)
+        self.known = when = when if when > self.known else self.known
         try:
             frame = from_message(message, when)
         except MalformedFrame as error:
             self.count_malformed(error)
-        else:
-            self.receive(frame)
-
-    def receive(self, frame: Frame) -> None:
-        """Take in a frame with its time."""
+            return
         machine, tap = self.machine, self.taps.on_received
-        if tap is None:
-            results = machine.receive(frame)
-        else:
-            returned = machine.own.returned
-            results = machine.receive(frame)
-            if machine.own.returned == returned:
-                tap(frame)
+        returned = machine.own.returned
+        results = machine.receive(frame)
+        if tap is not None and machine.own.returned == returned:
+            tap(frame)
         if results:
             self._publish(results)
 
@@ -204,13 +186,13 @@ class BusListener:
         """Send results, then count them and pass them on."""
         self.answered += len(results)
         for result in results:
-            self._send(self._frames.of_result(result))
+            sent = self._send(self._frames.of_result(result))
             self.summary.add(result)
             self.last = result
             if result.quality in _GOOD:
                 self._last_valid = result
             if result.arrival == result.arrival:
-                self.summary.latency.append(self._clock() - result.arrival)
+                self.summary.latency.append(sent - result.arrival)
             if self.taps.on_result is not None:
                 self.taps.on_result(result)
 
@@ -230,25 +212,29 @@ class BusListener:
         # Without catching up: a late status is useless.
         self.next_status = max(self.next_status + STATUS_PERIOD, now)
 
-    def _send(self, frames: Iterable[Frame]) -> None:
-        """Send ``frames``, each at most once and at once: a result that cannot be sent now would be old later."""
-        if self._bus is None:
-            return
+    def _send(self, frames: Iterable[Frame]) -> float:
+        """Send ``frames``, each at most once and at once: a result that cannot be sent now would be old later.
+
+        Return the time then [s].
+        """
+        now = nan
         sending, tap = self.machine.own.sending, self.taps.on_sent
-        for frame in frames:
+        for frame in () if self._bus is None else frames:
             sending(frame)  # it may come back before the call returns
             try:
                 self._bus.send(to_message(frame), timeout=0.0)
             except self._errors as error:
                 self.summary.send_failures += 1
                 self._failed_in_a_row += 1
+                self.is_broken = self._failed_in_a_row >= FAILURES_IN_A_ROW
                 self.failure = error_line(error)
                 continue
             self._failed_in_a_row = 0
             self.summary.sent += 1
+            frame.time = now = self._clock()
             if tap is not None:
-                frame.time = self._clock()
                 tap(frame)
+        return now if now == now else self._clock()
 
     @property
     def account(self) -> FrameAccount:

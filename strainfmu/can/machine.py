@@ -8,9 +8,11 @@ own one.
 from __future__ import annotations
 
 import ctypes
+import struct
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from math import isfinite, nan
 from typing import Any
 
@@ -236,7 +238,9 @@ class Machine:
         def part(place: int, kind: Any, count: int) -> Any:
             return bytes_of[place : place + np.dtype(kind).itemsize * count].view(kind)
 
-        self._result = part(PLACES["result"], RESULT, 1)
+        # In a quarter of the time that numpy takes for a record.
+        fields = struct.Struct("".join(RESULT[name].char for name in RESULT.names or ()))
+        self._result = partial(fields.unpack_from, part(PLACES["result"], np.uint8, RESULT.itemsize).data)
         self._account = part(PLACES["account"], ACCOUNT, 1)
         self._flow, self._strain = part(parts[3], np.float64, n_flow), part(parts[4], np.float64, n)
         self._valid, self._reason = part(parts[5], np.bool_, n), part(parts[6], np.uint8, n)
@@ -263,14 +267,15 @@ class Machine:
 
     def receive(self, frame: Frame) -> list[Result]:
         """Take in one frame; return the results that are ready with it, in order."""
+        arrival, data, times = frame.time, frame.data, self._times
         slot = self._slots.get(frame.key)
-        results = self.advance(frame.time) if self.next_event <= frame.time else []
+        results = self.advance(arrival) if times[0] <= arrival or times[1] <= arrival else []
         if slot is None or frame.is_error or frame.is_remote:
             self._refuse(frame)
             return results
         self.heard.add(slot)
-        data, time, flags = frame.data, self._time, _FD if frame.is_fd else 0
-        time.value = frame.time
+        time, flags = self._time, _FD if frame.is_fd else 0
+        time.value = arrival
         while True:
             event = self._take(*self._at, slot, self._at_time, data, len(data), flags)
             if event == _TAKEN:
@@ -282,7 +287,7 @@ class Machine:
             self._publish(results)
             if event == _READY:
                 return results
-            time.value = frame.time
+            time.value = arrival
 
     def advance(self, now: float) -> list[Result]:
         """Return the results due by ``now`` [s]: of cycles at their deadline, and of silence."""
@@ -290,7 +295,7 @@ class Machine:
         while (due := self.next_event) <= now:
             self._time.value = now
             if self._due(*self._at, self._at_time) == _READY:
-                if self._result["time"][0] > due and len(self.stalls) < _KEPT_STALLS:
+                if self._result()[0] > due and len(self.stalls) < _KEPT_STALLS:
                     self.stalls.append((due, now))
                 self._publish(results)
         return results
@@ -304,7 +309,9 @@ class Machine:
     @property
     def next_event(self) -> float:
         """Latest time at which :meth:`advance` has something to do [s]."""
-        return float(min(self._times[0], self._times[1]))
+        deadline: float = self._times[0]
+        silence: float = self._times[1]
+        return min(deadline, silence)
 
     def skip(self, is_skipping: bool) -> None:
         """Settle cycles that end without an answer from now on, or answer them again."""
@@ -379,11 +386,11 @@ class Machine:
             kind = FrameClass.UNKNOWN_IDENTIFIER
             if key in self._unknown or len(self._unknown) < LISTED_IDENTIFIERS:
                 self._unknown[key] = self._unknown.get(key, 0) + 1
-        self.count(kind, time)
+        self._library.sb_count(self._at[1], NUMBER_OF[kind], ctypes.c_double(time))
 
     def _publish(self, results: list[Result]) -> None:
         """Have the estimator answer the result that is ready; add it to ``results`` unless it is held back."""
-        time, arrival, _, _, _, stated, sample_time, counter, silent, n_used, *_, request = self._result.item()
+        time, arrival, _, _, _, stated, sample_time, counter, silent, n_used, *_, request = self._result()
         strain, reasons = self._strain.copy(), self._reason.copy()
         valid = self._every if n_used == len(strain) else self._valid.copy()
         known = dict(zip(self.plan.quantities, self._flow.tolist(), strict=True)) | self._constants
@@ -398,9 +405,10 @@ class Machine:
             is_finite = _is_finite(step)
         self._time.value = time if self._now is None else max(self._now(), time)
         is_sent = self._answer(*self._at, self._at_time, health, is_finite)
-        time, arrival, age, uncertainty, held, *_, causes, quality, usable, _ = self._result.item()
+        time, arrival, age, uncertainty, held, *_, causes, quality, usable, _ = self._result()
         result = _new(Result)
-        result.time, result.quality, result.causes = time, _QUALITIES[quality], Cause(causes)
+        result.time, result.quality = time, _QUALITIES[quality]
+        result.causes = Cause(causes) if causes else Cause.NONE
         result.usable, result.valid, result.strain, result.reasons = usable != 0, valid, strain, reasons
         result.dynamic_pressure = pressure if not silent else nan
         result.mach_number, result.altitude = navigation[MACH_NUMBER], navigation[ALTITUDE]
@@ -443,10 +451,7 @@ def _check_input(layout: InputLayout, step: Step, own: frozenset[int], dynamic_p
 
 def _is_finite(step: Any) -> bool:
     """Return whether coefficients and their standard deviations are finite."""
-    # A sum of products is finite only of finite numbers. Of huge ones it need not be.
-    if isfinite(step.coefficients.dot(step.coefficients_std)):
-        return True
-    return bool(np.isfinite(step.coefficients).all() and np.isfinite(step.coefficients_std).all())
+    return all(map(isfinite, [*step.coefficients.tolist(), *step.coefficients_std.tolist()]))
 
 
 class _Stepper:

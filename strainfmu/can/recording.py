@@ -205,15 +205,12 @@ class Recorder:
         }
         self._write_sidecar()
 
-    def received(self, frame: Frame) -> None:
-        """Record a frame that was received at its time."""
-        self._wait(frame, True)
-
     def sent(self, frame: Frame) -> None:
         """Record a frame that was sent at its time."""
-        self._wait(frame, False)
+        self.received(frame, False)
 
-    def _wait(self, frame: Frame, is_received: bool) -> None:
+    def received(self, frame: Frame, is_received: bool = True) -> None:
+        """Record a frame that was received at its time."""
         if len(self._waiting) < self._room:
             self._waiting.append((frame, is_received))
         else:

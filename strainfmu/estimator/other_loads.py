@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
 from typing import Any
 
 import numpy as np
@@ -207,6 +207,7 @@ def is_moment(groups: Sequence[LoadGroup]) -> BoolArray:
     return np.array([group.load.unit == "N.m" for group in groups for _ in group.places], dtype=bool)
 
 
+@cache
 def column_of(output: str) -> str | None:
     """Return the column of an output; None where it is no load behind the five, coefficient or sigma."""
     sigma = SIGMA if output.startswith(SIGMA) else ""

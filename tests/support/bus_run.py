@@ -110,22 +110,28 @@ class PacedBridge:
         self._bridge, self._bus, self._thread = bridge, bus, thread
         self._free_until = clock.now
         self._is_waiting, self._waits = False, threading.Event()
-        inner, open_bus = bridge._received, bridge._open_bus
+        connect, open_bus = bridge._connect, bridge._open_bus
 
-        def received(timeout: float) -> Any:
-            self._is_waiting = True
-            self._waits.set()
-            try:
-                return inner(min(timeout, TURN))  # the clock may have moved meanwhile
-            finally:
-                self._is_waiting = False
+        def connected() -> None:
+            connect()
+            get = self._inbox.get
+
+            def received(begin: float, timeout: float) -> Any:
+                self._is_waiting = True
+                self._waits.set()
+                try:
+                    return get(begin, min(timeout, TURN))  # the clock may have moved meanwhile
+                finally:
+                    self._is_waiting = False
+
+            self._inbox.get = received  # to see when the bridge waits
 
         def opened() -> Any:
             bus = open_bus()
             bus.__class__ = type("Unstamped", (type(bus),), {})  # its messages have no time but the clock's
             return bus
 
-        bridge._received = received  # type: ignore[method-assign]  # to see when it waits
+        bridge._connect = connected  # type: ignore[method-assign]
         bridge._open_bus = opened
 
     def sender(self, layout: InputLayout, faults: Sequence[Fault] = (), trip: int = 1) -> FaultySender:

@@ -141,8 +141,6 @@ class FmuStep:
             self._inputs[self._place[variable.name]] = start
         self._zeros: tuple[list[Any], FloatArray] = [], np.zeros(0)
         self._values = np.zeros(len(self._get))
-        self._other_places = [(name, FIRST_NUMBER + 1 + k) for k, name in enumerate(self.other_outputs)]
-        self._outputs: Any = self._values.data
         self._finite = np.ones(self.n_gauges, dtype=bool)
         self._python_path = list(sys.path)
         self._stack = ExitStack()
@@ -212,9 +210,10 @@ class FmuStep:
             self._get_outputs()
         except StrainfmuError as error:
             raise self._after(error) from error
-        values, numbers = self._values.copy(), self._outputs
-        more = {name: numbers[place] for name, place in self._other_places}
-        return StepResult(values[:5], values[5:FIRST_NUMBER], int(numbers[-1]), numbers[FIRST_NUMBER], more)
+        values = self._values.copy()
+        chi_square, *more, health = values.tolist()[FIRST_NUMBER:]
+        others = dict(zip(self.other_outputs, more, strict=True))
+        return StepResult(values[:5], values[5:FIRST_NUMBER], int(health), chi_square, others)
 
     def set_zeros(self, zeros: GaugeZeros) -> None:
         """Let the FMU take ``zeros`` off its strains, from the next step on.
@@ -304,19 +303,29 @@ class FmuStep:
         (first, columns), *further = blocks
         if not further and columns is None:
             return first.call
-        if into or columns is not None or len(further) != 1:
+        if columns is not None or len(further) != 1:
             return lambda: self._transfer(blocks, values, into)
         # Reals in place and few other numbers, as the state of health is, which are moved one by one.
         second, numbers = further[0][0], values.data
-        moved, places = second.buffer.data, list(enumerate(second.columns.tolist()))
+        moved, places = second.buffer.data, second.columns.tolist()
+        last: list[float] = []
+
+        def put() -> None:
+            nonlocal last
+            first.call()
+            new = [numbers[place] for place in places]
+            if new != last:
+                last = new
+                second.buffer[:] = np.nan_to_num(new)
+                second.call()
 
         def get() -> None:
             first.call()
             second.call()
-            for number, place in places:
+            for number, place in enumerate(places):
                 numbers[place] = moved[number]
 
-        return get
+        return put if into else get
 
     @staticmethod
     def _transfer(blocks: Sequence[_Exchange], values: FloatArray, into: bool) -> None:
