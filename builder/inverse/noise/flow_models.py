@@ -46,7 +46,7 @@ def flow_model_errors(
 ) -> tuple[NoiseTerm, ...]:
     """Return the terms of the level and of the difference of flow models, where these are stated.
 
-    The level is that of the overpressure at the smallest incidence, its mean over the Mach numbers. The difference
+    The level is a part of the mean overpressure of all Mach numbers at the smallest incidence. The difference
     is newtonian flow less ``ensemble``, which holds ``snapshots``; its covariance is the mean over the members.
     Strain and loads follow by the operators ``strain`` (n_d, n_p), ``load`` (n_f, n_p).
     """

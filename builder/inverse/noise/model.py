@@ -119,7 +119,7 @@ class NoiseModel:
 
 
 def fixed_covariance(terms: Iterable[NoiseTerm], without: Collection[str] = ()) -> FloatArray:
-    """Return (n_d, n_d) of ``terms`` that do not follow the pressure, but for those of the names ``without``."""
+    """Return (n_d, n_d) of ``terms`` that do not follow the pressure, leaving out the names ``without``."""
     fixed = [term for term in terms if not term.scales and term.name not in without]
     return np.asarray(sum(term.covariance for term in fixed))
 
