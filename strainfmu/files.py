@@ -387,11 +387,11 @@ class GuardedFile(io.RawIOBase):
 
     def write(self, data: Any) -> int:
         """Write ``data``, any buffer, at the position; return its length in bytes, whatever happened to it."""
-        content = bytes(memoryview(data))
+        content = memoryview(data).cast("B")
         if self.error is None:
             self._to_disk(content)
         if self.error is not None:
-            self._unwritten.append((self._position, content))
+            self._unwritten.append((self._position, bytes(content)))
         self._position += len(content)
         self._end = max(self._end, self._position)
         return len(content)
@@ -457,8 +457,7 @@ class GuardedFile(io.RawIOBase):
                 self.error = self.error or error
             super().close()
 
-    def _to_disk(self, content: bytes) -> None:
-        rest = memoryview(content)
+    def _to_disk(self, rest: memoryview) -> None:
         try:
             self._file.seek(self._position)
             while rest:

@@ -158,7 +158,8 @@ class DataChecks:
         leaves_out_dead: bool = False,
     ) -> None:
         self._selection, self._names, self._reference = selection, selection.wanted.gauge_names, reference
-        self._zero, self._accepts_held, self._leaves_out_dead = zero, accepts_held, leaves_out_dead
+        self._zero, self._largest_zero = zero, float(np.max(np.abs(zero), initial=0.0))
+        self._accepts_held, self._leaves_out_dead = accepts_held, leaves_out_dead
         self._resolution, self._longest = inf, np.full(len(self._names), 1.0)
         self._of_gauges, self._of_rows = RunLengths(len(self._names)), RunLengths(1)
         self._held, self._zeros = FaultRows(), FaultRows()
@@ -251,27 +252,30 @@ class DataChecks:
         held = row_same & ~zero & (runs >= _longest_of_all(longest[known.any(axis=0)]))
         flown = flown_pressure(block.flow)
         bearable = self._bearable(flown)
-        alone, next_alone = same & known & ~of_rows[:, None], following & ~next_rows[:, None]
-        railed = dead = np.zeros(same.shape, dtype=bool)
+        alone, railed = same & known & ~of_rows[:, None], np.zeros_like(same)
+        dead = railed
         limit = np.maximum(SHORTEST_RAILED, -log(_RARE) * longest)
         may_stand_still = np.any(np.count_nonzero(alone, axis=0) + self._of_gauges.carried >= 0.5 * limit)
-        size = np.abs(strain - self._zero)
-        is_bearable = not (
-            np.any(size > bearable[:, None]) or np.any(np.abs(strain) > self._reference.sensor_range)
-        )
+        size = self._size(strain)
+        most = np.minimum(bearable, self._reference.sensor_range - self._largest_zero)
+        is_bearable = not np.any(np.fmax.reduce(size, axis=1) > most)
         if may_stand_still or not is_bearable:
             is_sound = ~(zero | held)[:, None]
-            stands_still = self._of_gauges.take(alone, next_alone) >= limit
+            stands_still = self._of_gauges.take(alone, following & ~next_rows[:, None]) >= limit
             railed = self._is_railed(strain, size, bearable, stands_still) & is_sound
             dead = stands_still & known & ~railed & is_sound
         else:
             self._of_gauges.skip(alone)
         self._rows += len(block.time)
         marked = self._marked(block, held=held, zero=zero, railed=railed, dead=dead)
-        self._level.add(size if marked.strain is strain else np.abs(marked.strain - self._zero), flown)
+        self._level.add(size if marked.strain is strain else self._size(marked.strain), flown)
         for name, values in block.flow.items():
             self._known[name] += int(np.isfinite(values).sum())
         return marked
+
+    def _size(self, strain: FloatArray) -> FloatArray:
+        """Return (n, n_d) sizes of strains without their zeros."""
+        return np.abs(strain - self._zero if self._largest_zero else strain)
 
     def _marked(
         self, block: Samples, *, held: BoolArray, zero: BoolArray, railed: BoolArray, dead: BoolArray
@@ -337,7 +341,7 @@ def repeated(strain: FloatArray, last: FloatArray) -> BoolArray:
 
     They are equal to the last bit, or no values both.
     """
-    same = np.empty(strain.shape, dtype=bool)
+    same = np.empty_like(strain, dtype=bool)
     np.equal(strain[1:], strain[:-1], out=same[1:])
     np.equal(strain[0], last, out=same[0])
     without = np.isnan(strain)

@@ -20,7 +20,7 @@ from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError, library
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE, SAMPLE_INPUTS
 from strainfmu.estimator.estimate import Estimate
-from strainfmu.estimator.health import USABLE_STATES, HealthState
+from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
 from strainfmu.estimator.off_deadline import no_field
 from strainfmu.estimator.other_loads import SIGMA, column_of, is_column
@@ -66,7 +66,7 @@ HEALTH: dict[str, Callable[[Estimate], Any]] = {
     SUSPECTS: lambda estimate: estimate.suspect_count,
     ENVELOPE_SCORE: lambda estimate: estimate.envelope_score,
     ENVELOPE_SCORE_LIMIT: lambda estimate: np.full(len(estimate), np.nan),
-    USABLE: lambda estimate: np.isin(estimate.health, USABLE_STATES),
+    USABLE: lambda estimate: estimate.usable,
 }
 """Of each column of health, what estimates hold."""
 
@@ -96,7 +96,7 @@ _ANGLES = ("air_data.angle_of_attack", "air_data.sideslip_angle")
 _FLOW_UNITS = {quantity.name: quantity.unit for quantity in SAMPLE_INPUTS[1:]}
 _SLASH = "%2F"
 
-_CHUNK_ROWS, _COLLECTED_ROWS = 4096, 16384
+_CHUNK_ROWS, _COLLECTED_ROWS = 4096, 32768
 """Rows of a chunk in HDF5, and rows that are written at once: each call costs as much as thousands of rows."""
 
 _CHUNK_BYTES = 16 * _CHUNK_ROWS

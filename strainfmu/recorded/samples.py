@@ -30,10 +30,7 @@ from strainfmu.recorded.names import (
 )
 from strainfmu.recorded.selection import Selection, computed_pressure, select
 from strainfmu.recorded.strain_level import level_of, likely_units
-from strainfmu.recorded.table import Reading
-
-BLOCK_ROWS = 2000
-"""Samples in one block."""
+from strainfmu.recorded.table import BLOCK_ROWS, Reading
 
 LOOK_ROWS = 4096
 """Rows at the start of a recording that show which columns are mostly empty, and the periods of rasters."""
@@ -249,7 +246,7 @@ def _frame_rows(selection: Selection, number: int) -> Iterator[_Rows]:
             time = stated * factor
             where = f"{path}: column '{_time_name(selection, number)}', {frame.counted}"
             _check_time(where, stated, time, piece.places, last)
-        table_rows = np.column_stack(values)
+        table_rows = np.array(values).T  # columns stay contiguous up to the records of the estimator
         if np.isinf(table_rows).any():  # NaN stands for "no value" in a file, an overflow does not
             of, row = divmod(int(np.argmax(np.isinf(table_rows.T))), n)
             raise InputError(
@@ -499,10 +496,9 @@ def _strains(selection: Selection, keys: Sequence[str], values: FloatArray) -> F
     """Return (n, n_d) strains of the map's gauges by columns of ``values``; of rosettes they follow from legs."""
     gauges, unknown = selection.wanted.gauge_names, np.full(len(values), np.nan)
     known = [i for i, gauge in enumerate(gauges) if gauge in selection.strain]
-    columns = [keys.index(gauges[i]) for i in known]
-    strain = values[:, columns] if len(known) == len(gauges) else np.full((len(values), len(gauges)), np.nan)
-    if len(known) < len(gauges):
-        strain[:, known] = values[:, columns]
+    strain = np.full((len(gauges), len(values)), np.nan).T
+    for i in known:
+        strain[:, i] = values[:, keys.index(gauges[i])]
     names = {plain_name(gauge): i for i, gauge in enumerate(gauges)} if selection.rosettes else {}
     for rosette in selection.rosettes:
         named = [plain_name(leg) for leg in rosette.legs]

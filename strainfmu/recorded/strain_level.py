@@ -29,6 +29,9 @@ _TYPICAL = 0.4
 _QUANTILE = 0.99
 """Of a gauge's |strain| in a block: single spikes do not count."""
 
+_RISE = 1.001
+"""Ratio of strains to the level so far below which they do not raise it: a flight repeats its largest strains."""
+
 _EXPLAINED = 5.0
 """Largest factor between a dynamic pressure in another unit and the one that the strains suggest."""
 
@@ -87,16 +90,11 @@ def _raised_level(level: FloatArray, size: FloatArray) -> FloatArray:
 
     The level in a block is made for those gauges alone of which enough strains are above ``level``.
     """
-    higher = size > np.where(np.isnan(level), -1.0, level)
-    few = np.count_nonzero(higher) + 1 <= (1.0 - _QUANTILE) * len(size)
-    known = np.isfinite(size)
-    if few and known.all():
-        return level  # of no gauge enough, as of all together not
-    raised = level.copy()
-    count, above = np.count_nonzero(known, axis=0), np.count_nonzero(higher, axis=0)
-    some = np.flatnonzero((count > 0) & (above + 1 > (1.0 - _QUANTILE) * count))
+    above = np.count_nonzero(size > np.where(np.isnan(level), -1.0, _RISE * level), axis=0)
+    known, raised = np.count_nonzero(np.isfinite(size), axis=0), level.copy()
+    some = np.flatnonzero((known > 0) & (above + 1 > (1.0 - _QUANTILE) * known))
     if len(some):
-        quantile = np.quantile if count.min() == len(size) else np.nanquantile
+        quantile = np.quantile if known.min() == len(size) else np.nanquantile
         raised[some] = np.fmax(level[some], quantile(size[:, some], _QUANTILE, axis=0))
     return raised
 

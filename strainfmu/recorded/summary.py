@@ -23,7 +23,7 @@ from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 from strainfmu.estimator.other_loads import SIGMA
 from strainfmu.interface.enumerations import HEALTH_ITEMS
 from strainfmu.interface.estimator_variables import LOADS
-from strainfmu.interface.health_names import ENVELOPE_SCORE, STATE
+from strainfmu.interface.health_names import ENVELOPE_SCORE, STATE, USABLE
 from strainfmu.recorded.checks import DataChecks
 from strainfmu.recorded.estimators import BlockEstimates, BlockEstimator
 from strainfmu.recorded.samples import Gaps, Samples
@@ -56,8 +56,8 @@ COLOURS = {
 """Colour of each state in the band of health, which shows the last of the states in this order."""
 
 _NAMES = tuple(COLOURS)
-_RANKS = {-1 if name == REFUSED else int(HealthState[name]): float(rank) for rank, name in enumerate(_NAMES)}
-"""Place of each number of a state in that order."""
+_RANKS = np.array([float(_NAMES.index(name)) for name in (*HealthState.__members__, REFUSED)])
+"""Place of each number of a state in that order, last of -1."""
 
 
 @dataclass
@@ -110,19 +110,19 @@ class History:
         """Take the samples of a block."""
         unknown, values = np.full(len(block.time), np.nan), estimates.values
         health = np.nan_to_num(values[STATE], nan=-1.0).astype(int)
-        usable = np.isin(health, USABLE_STATES)
+        usable = values[USABLE] > 0.0
         pressure = values.get(f"air_data.{DYNAMIC_PRESSURE}", unknown)
         shown_pressure = np.where(np.isnan(block.dynamic_pressure), pressure, block.dynamic_pressure)
         columns = [
             block.time,
             shown_pressure,
-            np.select([health == state for state in _RANKS], [*_RANKS.values()]),
+            _RANKS[health],
         ]
         columns += [values.get(f"{of}{name}", unknown) for name in _SHOWN for of in ("", SIGMA)]
         self._collect(np.column_stack(columns))
         for name, peak in self.peaks.items():
             size = np.where(usable, np.abs(values[name]), np.nan)
-            if np.isfinite(size).any() and not np.nanmax(size) <= abs(peak.value):
+            if not (largest := np.fmax.reduce(size)) <= abs(peak.value) and largest >= 0.0:
                 row = int(np.nanargmax(size))
                 sigma = float(values[f"{SIGMA}{name}"][row])
                 self.peaks[name] = Peak(float(values[name][row]), sigma, float(block.time[row]))

@@ -21,8 +21,11 @@ from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.recorded.names import matched, times_among
 from strainfmu.text_cells import DateOrder
 
-PIECE_ROWS = 8192
-"""Rows of a piece of what is read by slices."""
+BLOCK_ROWS = 2000
+"""Samples in one block."""
+
+PIECE_ROWS = 8 * BLOCK_ROWS
+"""Rows of a piece of what is read by slices: whole blocks, so that no rows of it are moved."""
 
 LARGEST_MATRIX = 4096
 """Columns of a matrix that are offered."""

@@ -16,7 +16,8 @@ from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 from strainfmu.recorded.names import Wanted
 from strainfmu.recorded.run import estimate_file
-from strainfmu.recorded.samples import BLOCK_ROWS, open_recording
+from strainfmu.recorded.samples import open_recording
+from strainfmu.recorded.table import BLOCK_ROWS
 
 pytestmark = pytest.mark.fast
 

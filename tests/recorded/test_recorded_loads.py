@@ -17,8 +17,8 @@ from strainfmu.estimator.estimator import Estimator
 from strainfmu.interface.estimator_variables import LOADS
 from strainfmu.recorded.outputs import OUTPUT_SUFFIXES
 from strainfmu.recorded.run import estimate_file
-from strainfmu.recorded.samples import BLOCK_ROWS
 from strainfmu.recorded.summary import MAX_BINS
+from strainfmu.recorded.table import BLOCK_ROWS
 
 pytestmark = pytest.mark.fast
 

@@ -18,10 +18,10 @@ from strainfmu.estimator.map.inverse_map import save_inverse_map
 from strainfmu.recorded.checks import HELD, SHORTEST_HELD, DataChecks, common_step
 from strainfmu.recorded.names import Wanted
 from strainfmu.recorded.run import estimate_file
-from strainfmu.recorded.samples import BLOCK_ROWS, Samples
+from strainfmu.recorded.samples import Samples
 from strainfmu.recorded.selection import Selection
 from strainfmu.recorded.strain_level import LevelReference
-from strainfmu.recorded.table import Table
+from strainfmu.recorded.table import BLOCK_ROWS, Table
 
 pytestmark = pytest.mark.fast
 
