@@ -13,7 +13,8 @@ from synthetic_vehicle import SyntheticFiles
 
 import strainfmu.first_look as first_look
 from strainfmu.errors import InputError
-from strainfmu.recorded.formats.hdf5 import opened_hdf5
+from strainfmu.recorded.formats import open_table
+from strainfmu.recorded.table import Reading
 
 Run = Callable[..., tuple[int, str, str]]
 
@@ -89,11 +90,5 @@ def test_a_heap_that_hdf5_reads_for_ever_is_damaged(
     content[content.index(b"GCOL") + 96] = size
     path.write_bytes(content)
     line = f"{path}: damaged, or not an HDF5 file"
-    with limited(), pytest.raises(InputError, match=line), opened_hdf5(path):
+    with limited(), pytest.raises(InputError, match=line), open_table(path, Reading()):
         pass
-
-
-@pytest.mark.fast
-def test_a_whole_file_is_opened(tmp_path: Path) -> None:
-    with opened_hdf5(write_arrays(tmp_path / "d.h5")) as file:
-        assert file["strain"].shape == (60, len(NAMES))

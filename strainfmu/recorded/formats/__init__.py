@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 from strainfmu.errors import InputError
@@ -15,23 +15,26 @@ from strainfmu.recorded.formats.parquet import parquet_table
 from strainfmu.recorded.formats.tdms import tdms_table
 from strainfmu.recorded.formats.text import text_table
 from strainfmu.recorded.formats.uff import uff_table
-from strainfmu.recorded.table import Reading, Table
+from strainfmu.recorded.table import Reading, Table, of_format
 
-Opener = Callable[[Path, Reading], AbstractContextManager[Table]]
+Opener = Callable[[Path, Reading, ExitStack], Table]
+"""Opens a file, and leaves to the stack what closes it; any error other than the package's means damage."""
 
-FORMATS: tuple[tuple[Opener, tuple[str, ...], tuple[bytes, ...]], ...] = (
-    (mdf_table, (".mf4", ".mdf"), MAGIC),
-    (text_table, (".csv", ".txt", ".dat", ".tsv"), ()),
-    (mat_table, (".mat",), (b"MATLAB ",)),
-    (hdf5_table, (".h5", ".hdf5"), (b"\x89HDF\r\n\x1a\n",)),
-    (lvm_table, (".lvm",), (BEGIN.encode(),)),
-    (parquet_table, (".parquet",), (b"PAR1",)),
-    (tdms_table, (".tdms",), (b"TDSm",)),
-    (uff_table, (".uff", ".unv", ".uf58"), (b"    -1\n", b"    -1\r\n")),
+TEXT = text_table, "a CSV file", (".csv", ".txt", ".dat", ".tsv"), ()
+
+FORMATS: tuple[tuple[Opener, str, tuple[str, ...], tuple[bytes, ...]], ...] = (
+    (mdf_table, "an MDF file", (".mf4", ".mdf"), MAGIC),
+    TEXT,
+    (mat_table, "a MAT file", (".mat",), (b"MATLAB ",)),
+    (hdf5_table, "an HDF5 file", (".h5", ".hdf5"), (b"\x89HDF\r\n\x1a\n",)),
+    (lvm_table, "a LabVIEW measurement file", (".lvm",), (BEGIN.encode(),)),
+    (parquet_table, "a Parquet file", (".parquet",), (b"PAR1",)),
+    (tdms_table, "a TDMS file", (".tdms",), (b"TDSm",)),
+    (uff_table, "a universal file", (".uff", ".unv", ".uf58"), (b"    -1\n", b"    -1\r\n")),
 )
-"""Of each format what opens its files, their suffixes in small letters, and their first bytes, one of these."""
+"""Of each format what opens its files, its name, their suffixes in small letters, and their first bytes."""
 
-SUFFIXES = tuple(suffix for _, suffixes, _ in FORMATS for suffix in suffixes)
+SUFFIXES = tuple(suffix for *_, suffixes, _ in FORMATS for suffix in suffixes)
 """Of all formats."""
 
 _HEAD = 4096
@@ -55,10 +58,13 @@ def open_table(path: Path, reading: Reading) -> Iterator[Table]:
             head = stream.read(_HEAD)
     elif suffix in SUFFIXES:
         raise InputError(f"{path}: no such file")
-    chosen = [opens for opens, _, magic in FORMATS if magic and head.startswith(magic)]
-    chosen += [opens for opens, suffixes, _ in FORMATS if suffix in suffixes]
-    chosen += [text_table] if head and b"\x00" not in head else []
+    chosen = [one for one in FORMATS if one[3] and head.startswith(one[3])]
+    chosen += [one for one in FORMATS if suffix in one[2]]
+    chosen += [TEXT] if head and b"\x00" not in head else []
     if not chosen:
         raise InputError(f"{path}: expected one of {', '.join(SUFFIXES)}, got '{path.suffix}'")
-    with chosen[0](path, reading) as table:
+    opens, kind, *_ = chosen[0]
+    with ExitStack() as stack:
+        with of_format(path, kind):
+            table = opens(path, reading, stack)
         yield table

@@ -7,7 +7,7 @@ child process.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack
 from dataclasses import replace
 from functools import lru_cache, partial
 from math import prod
@@ -20,7 +20,7 @@ import numpy as np
 from strainfmu.errors import InputError
 from strainfmu.estimator.signal_names import STRAIN
 from strainfmu.first_look import reads_well
-from strainfmu.recorded.table import Column, Reading, Stored, Table, constant, matrix_columns, of_format, table_of
+from strainfmu.recorded.table import Column, Reading, Stored, Table, constant, matrix_columns, table_of
 
 _LARGEST_TEXT = 1_000_000
 """Entries of a data set of texts beyond which they are not looked at."""
@@ -34,19 +34,19 @@ _NO_COLUMNS = ("step_cost",)
 _GAUGE_NAMES = "gauge_names"
 
 
-@contextmanager
-def hdf5_table(
-    path: Path, reading: Reading, kind: str = "an HDF5 file", is_matlab: bool = False
-) -> Iterator[Table]:
+def hdf5_table(path: Path, reading: Reading, stack: ExitStack, is_matlab: bool = False) -> Table:
     """Open an HDF5 file: arrays (n,), matrices as columns 'name[1]' .., fields of tables as 'table/field'.
 
     The columns of ``strain`` have the names in ``gauge_names``, where that is there. One number counts for all
     rows, if its name is known.
     """
-    with opened_hdf5(path, kind) as file:
-        with of_format(path, kind):
-            stored = _named(path, file, [*_columns_of(path, file, (), reading, is_matlab)])
-        yield table_of(path, stored, reading)
+    if not reads_well(path, lambda: _read_structure(path)):
+        raise ValueError
+    sizes = [0]
+    with h5py.File(path, "r") as file:
+        file.visititems(lambda _, item: sizes.append(_row_size(item)))
+    file = stack.enter_context(h5py.File(path, "r", rdcc_nbytes=max(sizes)))
+    return table_of(path, _named(path, file, [*_columns_of(path, file, (), reading, is_matlab)]), reading)
 
 
 def _columns_of(
@@ -132,26 +132,6 @@ def _columns(item: h5py.Dataset, n: int, is_turned: bool) -> list[Callable[[slic
         return block(rows.start, rows.stop)[:, k]
 
     return [partial(column, k) for k in range(n)]
-
-
-@contextmanager
-def opened_hdf5(path: Path, kind: str = "an HDF5 file") -> Iterator[h5py.File]:
-    """Open an HDF5 file for reading, which is to be done within :func:`~strainfmu.recorded.table.of_format`.
-
-    Raises
-    ------
-    InputError
-        It is damaged, or not ``kind``.
-    """
-    with of_format(path, kind):
-        if not reads_well(path, lambda: _read_structure(path)):
-            raise InputError(f"{path}: damaged, or not {kind}")
-        with h5py.File(path, "r") as file:
-            sizes = [0]
-            file.visititems(lambda _, item: sizes.append(_row_size(item)))
-        file = h5py.File(path, "r", rdcc_nbytes=max(sizes))
-    with file:
-        yield file
 
 
 def _read_structure(path: Path) -> None:

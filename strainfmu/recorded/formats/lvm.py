@@ -5,8 +5,8 @@ Source: National Instruments, Specification for the LabVIEW Measurement File (.l
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -59,8 +59,7 @@ class _Segment:
         return max(self.samples.values(), default=len(self.rows))
 
 
-@contextmanager
-def lvm_table(path: Path, reading: Reading) -> Iterator[Table]:
+def lvm_table(path: Path, reading: Reading, stack: ExitStack) -> Table:
     """Open a LabVIEW measurement file; times are X_Value, or follow from X0 and Delta_X, behind Date and Time."""
     file = _File(path)
     stored = []
@@ -71,7 +70,7 @@ def lvm_table(path: Path, reading: Reading) -> Iterator[Table]:
         faults = [segment.faults[name] for segment in file.segments if name in segment.faults]
         read = partial(_values, values, faults)
         stored.append(Stored(column=column, rows=len(values), read=read, clock=clock))
-    yield table_of(path, stored, reading, file.remarks)
+    return table_of(path, stored, reading, file.remarks)
 
 
 def _values(values: FloatArray, faults: Sequence[InputError], rows: slice) -> FloatArray:

@@ -3,38 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
 import h5py
 import numpy as np
 
-from strainfmu.errors import InputError, library
+from strainfmu.errors import library
 from strainfmu.first_look import reads_well
 from strainfmu.recorded.formats.hdf5 import hdf5_table
-from strainfmu.recorded.table import Column, Reading, Stored, Table, constant, matrix_columns, of_format, table_of
-
-_KIND = "a MAT file"
+from strainfmu.recorded.table import Column, Reading, Stored, Table, constant, matrix_columns, table_of
 
 
-@contextmanager
-def mat_table(path: Path, reading: Reading) -> Iterator[Table]:
+def mat_table(path: Path, reading: Reading, stack: ExitStack) -> Table:
     """Open a MAT file: version 7.3 through h5py, older ones through scipy; fields of structures 'name.field'."""
     if h5py.is_hdf5(path):
         with path.open("rb") as stream:
             is_matlab = stream.read(6) == b"MATLAB"
-        with hdf5_table(path, reading, _KIND, is_matlab=is_matlab) as table:
-            yield table
-        return
+        return hdf5_table(path, reading, stack, is_matlab=is_matlab)
     loadmat = library("scipy.io", "scipy", "mat").loadmat
-    with of_format(path, _KIND):
-        # scipy's parser, compiled, ends the process by some damaged files.
-        if not reads_well(path, lambda: loadmat(path, simplify_cells=True)):
-            raise InputError(f"{path}: damaged, or not {_KIND}")
-        entries = loadmat(path, simplify_cells=True)
+    # scipy's parser, compiled, ends the process by some damaged files.
+    if not reads_well(path, lambda: loadmat(path, simplify_cells=True)):
+        raise ValueError
+    entries = loadmat(path, simplify_cells=True)
     variables = {name: value for name, value in entries.items() if not name.startswith("__")}
-    yield table_of(path, list(_columns(variables, (), reading)), reading)
+    return table_of(path, list(_columns(variables, (), reading)), reading)
 
 
 def _columns(entries: Mapping[str, Any], group: tuple[str, ...], reading: Reading) -> Iterator[Stored]:

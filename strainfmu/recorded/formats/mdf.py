@@ -6,7 +6,7 @@ import gc
 import logging
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ import numpy as np
 
 from strainfmu.errors import InputError, library
 from strainfmu.first_look import limited_memory, reads_well
-from strainfmu.recorded.table import Column, Reading, Stored, Table, of_format, table_of
+from strainfmu.recorded.table import Column, Reading, Stored, Table, table_of
 
 MAGIC = (b"MDF ", b"UnFinMF ")
 
@@ -23,8 +23,7 @@ _VIRTUAL = (3, 6)
 """Types of channels without a place in the records: virtual master, virtual data."""
 
 
-@contextmanager
-def mdf_table(path: Path, reading: Reading) -> Iterator[Table]:
+def mdf_table(path: Path, reading: Reading, stack: ExitStack) -> Table:
     """Open an MDF file. A name that several groups have gets the group ahead: 'group[2]/name'.
 
     Of a file that ends early the whole rows are read.
@@ -34,28 +33,27 @@ def mdf_table(path: Path, reading: Reading) -> Iterator[Table]:
     InputError
         As :func:`opened_mdf`, or the file holds frames of a bus alone.
     """
-    with opened_mdf(path) as file:
-        places = file.channels_db
-        if "CAN_DataFrame" in places and all(name.startswith(("CAN_", "t", "T")) for name in places):
-            raise InputError(f"{path}: holds CAN frames, and no channels of gauges: use 'strainfmu replay'")
-        remarks: list[str] = []
-        with of_format(path, _kind(path)):
-            for group in file.groups:
-                _check_places(path, group)
-            rows = [_rows(file, group, path, remarks) for group in range(len(file.groups))]
-            stored = []
-            for name, at in places.items():
-                at = [(group, i) for group, i in at if i != file.masters_db.get(group)]
-                for group, i in at:
-                    column = Column(
-                        name=name,
-                        unit=_unit(file, name, group, i) if reading.is_known(name.rpartition("/")[2]) else None,
-                        group=(_group(file, group),) if len(at) > 1 else (),
-                    )
-                    read = partial(_samples, file, group, i)
-                    clock = ("group", group), partial(_times, file, group)
-                    stored.append(Stored(column=column, rows=rows[group], read=read, clock=clock))
-        yield table_of(path, stored, reading, remarks)
+    file = stack.enter_context(opened_mdf(path))
+    places = file.channels_db
+    if "CAN_DataFrame" in places and all(name.startswith(("CAN_", "t", "T")) for name in places):
+        raise InputError(f"{path}: holds CAN frames, and no channels of gauges: use 'strainfmu replay'")
+    remarks: list[str] = []
+    for group in file.groups:
+        _check_places(path, group)
+    rows = [_rows(file, group, path, remarks) for group in range(len(file.groups))]
+    stored = []
+    for name, at in places.items():
+        at = [(group, i) for group, i in at if i != file.masters_db.get(group)]
+        for group, i in at:
+            column = Column(
+                name=name,
+                unit=_unit(file, name, group, i) if reading.is_known(name.rpartition("/")[2]) else None,
+                group=(_group(file, group),) if len(at) > 1 else (),
+            )
+            read = partial(_samples, file, group, i)
+            clock = ("group", group), partial(_times, file, group)
+            stored.append(Stored(column=column, rows=rows[group], read=read, clock=clock))
+    return table_of(path, stored, reading, remarks)
 
 
 def _check_places(path: Path, group: Any) -> None:

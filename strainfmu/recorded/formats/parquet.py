@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -24,33 +24,29 @@ from strainfmu.recorded.table import (
 )
 
 
-@contextmanager
-def parquet_table(path: Path, reading: Reading) -> Iterator[Table]:
+def parquet_table(path: Path, reading: Reading, stack: ExitStack) -> Table:
     """Open a Parquet file; units by the metadata 'unit' of a column, or in brackets behind its name."""
-    parquet = library("pyarrow.parquet", "pyarrow", "parquet")
-    with of_format(path, "a Parquet file"):
-        file = parquet.ParquetFile(path)
-        schema, rows = file.schema_arrow, file.metadata.num_rows
-    with file:
-        columns = tuple(_column(schema.field(i), reading) for i in range(len(schema.names)))
+    file = stack.enter_context(library("pyarrow.parquet", "pyarrow", "parquet").ParquetFile(path))
+    schema, rows = file.schema_arrow, file.metadata.num_rows
+    columns = tuple(_column(schema.field(i), reading) for i in range(len(schema.names)))
 
-        def pieces(indices: Sequence[int]) -> Iterator[Piece]:
-            starts: list[np.datetime64] = []
-            end, names = 0, [schema.names[i] for i in indices]
-            batches = file.iter_batches(PIECE_ROWS, columns=list(dict.fromkeys(names)))
-            while True:
-                with of_format(path, "a Parquet file"):
-                    batch = next(batches, None)
-                if batch is None:
-                    return
-                values = [
-                    as_numbers(path, columns[i], batch.column(name).to_numpy(zero_copy_only=False), starts)
-                    for i, name in zip(indices, names, strict=True)
-                ]
-                first, end = end, end + batch.num_rows
-                yield Piece(np.arange(first + 1, end + 1), values, end)
+    def pieces(indices: Sequence[int]) -> Iterator[Piece]:
+        starts: list[np.datetime64] = []
+        end, names = 0, [schema.names[i] for i in indices]
+        batches = file.iter_batches(PIECE_ROWS, columns=list(dict.fromkeys(names)))
+        while True:
+            with of_format(path, "a Parquet file"):
+                batch = next(batches, None)
+            if batch is None:
+                return
+            values = [
+                as_numbers(path, columns[i], batch.column(name).to_numpy(zero_copy_only=False), starts)
+                for i, name in zip(indices, names, strict=True)
+            ]
+            first, end = end, end + batch.num_rows
+            yield Piece(np.arange(first + 1, end + 1), values, end)
 
-        yield Table(path, (Frame(columns=columns, pieces=pieces, rows=rows, length=rows),))
+    return Table(path, (Frame(columns=columns, pieces=pieces, rows=rows, length=rows),))
 
 
 def _column(field: Any, reading: Reading) -> Column:

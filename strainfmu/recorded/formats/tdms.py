@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Hashable, Iterator
-from contextlib import contextmanager
+from collections.abc import Hashable
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -12,29 +12,23 @@ import numpy as np
 
 from strainfmu.errors import library
 from strainfmu.recorded.names import time_rank
-from strainfmu.recorded.table import Column, Reading, Stored, Table, as_seconds, of_format, table_of
+from strainfmu.recorded.table import Column, Reading, Stored, Table, as_seconds, table_of
 
 
-@contextmanager
-def tdms_table(path: Path, reading: Reading) -> Iterator[Table]:
+def tdms_table(path: Path, reading: Reading, stack: ExitStack) -> Table:
     """Open a TDMS file; times of a channel are its group's column of times, or the times of its waveform."""
     nptdms = library("nptdms", "npTDMS", "tdms")
     nptdms.log.log_manager.set_level(logging.CRITICAL + 1)  # it warns of a damaged file on standard error
-    with of_format(path, "a TDMS file"):
-        file = nptdms.TdmsFile.open(str(path))
-    with file:
-        with of_format(path, "a TDMS file"):
-            channels = [channel for group in file.groups() for channel in group.channels()]
-            timed = {(one.group_name, len(one)) for one in channels if time_rank(one.name) is not None}
-            starts = [one.properties["wf_start_time"] for one in channels if "wf_start_time" in one.properties]
-            stored = []
-            for channel in channels:
-                has_times = (channel.group_name, len(channel)) in timed
-                clock = None if has_times else _waveform(channel, min(starts, default=None))
-                stored.append(
-                    Stored(column=_column(channel), rows=len(channel), read=channel.__getitem__, clock=clock)
-                )
-        yield table_of(path, stored, reading)
+    file = stack.enter_context(nptdms.TdmsFile.open(str(path)))
+    channels = [channel for group in file.groups() for channel in group.channels()]
+    timed = {(one.group_name, len(one)) for one in channels if time_rank(one.name) is not None}
+    starts = [one.properties["wf_start_time"] for one in channels if "wf_start_time" in one.properties]
+    stored = []
+    for channel in channels:
+        has_times = (channel.group_name, len(channel)) in timed
+        clock = None if has_times else _waveform(channel, min(starts, default=None))
+        stored.append(Stored(column=_column(channel), rows=len(channel), read=channel.__getitem__, clock=clock))
+    return table_of(path, stored, reading)
 
 
 def _column(channel: Any) -> Column:

@@ -10,7 +10,7 @@ import csv
 import io
 import re
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import cache
 from io import BytesIO
@@ -99,8 +99,7 @@ class Layout:
     passed_over: tuple[tuple[int, str], ...] = ()
 
 
-@contextmanager
-def text_table(path: Path, reading: Reading) -> Iterator[Table]:
+def text_table(path: Path, reading: Reading, stack: ExitStack) -> Table:
     """Open a text with columns; its headings are the line with the names that ``reading`` knows."""
     layout = text_layout(path, reading.is_known)
     columns, forms = list[Column](), dict[int, TimeForm]()
@@ -130,7 +129,7 @@ def text_table(path: Path, reading: Reading) -> Iterator[Table]:
         return _Reader(path, layout, columns, indices, dated, remarks).pieces()
 
     size = path.stat().st_size
-    yield Table(path, (Frame(columns=tuple(columns), pieces=pieces, length=size, counted="line"),), remarks)
+    return Table(path, (Frame(columns=tuple(columns), pieces=pieces, length=size, counted="line"),), remarks)
 
 
 def text_layout(path: Path, is_known: Callable[[str], bool]) -> Layout:

@@ -6,15 +6,15 @@ Analysis Testing, data set 58, function at nodal degree of freedom.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from strainfmu.errors import InputError, library
-from strainfmu.recorded.table import Column, Reading, Stored, Table, of_format, table_of
+from strainfmu.recorded.table import Column, Reading, Stored, Table, table_of
 
 _OF_TIME = (0, 1)
 """Types of functions that are series over time: general or unknown, time response."""
@@ -28,17 +28,15 @@ _TIME_AXIS = (0, 17)
 _DIRECTIONS = {1: "+X", -1: "-X", 2: "+Y", -2: "-Y", 3: "+Z", -3: "-Z"}
 
 
-@contextmanager
-def uff_table(path: Path, reading: Reading) -> Iterator[Table]:
+def uff_table(path: Path, reading: Reading, stack: ExitStack) -> Table:
     """Open a universal file; a column is a data set of time, its name the first line of identification.
 
     Where data sets have that line in common, or none, the name is the degree of freedom: entity, node, direction.
     """
     pyuff = library("pyuff", "pyuff", "uff")
-    with of_format(path, "a universal file"):
-        file = pyuff.UFF(str(path))
-        kinds = [int(kind) for kind in np.atleast_1d(file.get_set_types())]
-        sets = [file.read_sets(k) if kind == 58 else {} for k, kind in enumerate(kinds)]
+    file = pyuff.UFF(str(path))
+    kinds = [int(kind) for kind in np.atleast_1d(file.get_set_types())]
+    sets = [file.read_sets(k) if kind == 58 else {} for k, kind in enumerate(kinds)]
     if not sets:
         raise InputError(f"{path}: damaged, or not a universal file: no data set found")
     series = [data for data in sets if _is_series(data)]
@@ -54,7 +52,7 @@ def uff_table(path: Path, reading: Reading) -> Iterator[Table]:
         stored.append(Stored(column=column, rows=stated, read=values.__getitem__, clock=clock))
     more = len(sets) - len(series)
     remarks = [f"{path}: {more} data sets that are no series over time are not read"] if more else []
-    yield table_of(path, stored, reading, remarks)
+    return table_of(path, stored, reading, remarks)
 
 
 def _is_series(data: dict[str, Any]) -> bool:
