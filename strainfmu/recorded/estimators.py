@@ -75,6 +75,7 @@ from strainfmu.recorded.outputs import (
 )
 from strainfmu.recorded.samples import Samples
 from strainfmu.recorded.strain_level import LevelReference
+from strainfmu.recorded.table import BLOCK_ROWS
 
 _FMU_HEALTH = (CHI_SQUARE_LIMIT, VALID_GAUGES, SUSPECT_GAUGE, SUSPECTS, ENVELOPE_SCORE)
 """Outputs of an FMU that state health, in addition to state and chi-square."""
@@ -342,13 +343,15 @@ class MapBlocks(BlockEstimator):
             yield from super().estimated(blocks, check)
             return
         checked = (check(block, following) for block, following in _with_next(blocks))
+        first = range(0, BLOCK_ROWS, SMOOTHED_ROWS)
+        parts = (block[k : k + SMOOTHED_ROWS] for block in checked for k in first if k < len(block.time))
         alone, backward = (self.estimator.filter(t) for t in (0.0, self.estimator.filter_time_constant))
 
         def estimated(block: Samples) -> Filtered:
             filtered = self.estimates(block)
             return block.time, filtered, alone.track_again(filtered.sample, filtered.mask, block.time)
 
-        for (block, samples), following in _with_next((block, estimated(block)) for block in checked):
+        for (block, samples), following in _with_next((part, estimated(part)) for part in parts):
             loads = smoothed(backward, samples, None if following is None else following[1])
             yield block, self._block_estimates(block, samples[1], loads)
 
@@ -508,6 +511,9 @@ def _temperature(block: Samples, sensors: Sequence[str]) -> FloatArray | None:
 # and leaves the part h. What lasts is not averaged.
 
 _ROLL_ANGLE = AIR_DATA_NAMES.index("wind_roll_angle")
+
+SMOOTHED_ROWS = 2000
+"""Samples that are smoothed at once, with as many that follow."""
 
 Filtered = tuple[FloatArray, Estimate, Estimate]
 """Successive samples: times (k,) [s], estimates with a filter, and of each alone."""

@@ -85,12 +85,12 @@ ESTIMATE_COLUMNS: tuple[Column, ...] = (
 )
 """Columns of every output: name and unit."""
 
-SUSPECTS_COLUMN, FAULTS_COLUMN = "suspect_gauges", "strain_faults"
+TEXTS = ("suspect_gauges", "strain_faults")
 """Columns of text: names of the suspects with a semicolon between them; why strains were left out, ``held`` or
 ``zero`` of all gauges, else the names of gauges."""
 
-HEALTH_COLUMN = "health"
-"""Column of text of the plain form: the name of the state; empty for a sample that an FMU refused."""
+PLAIN_TEXTS = ("health",)
+"""Columns of text of the plain form: the name of the state; empty for a sample that an FMU refused."""
 
 _ANGLES = ("air_data.angle_of_attack", "air_data.sideslip_angle")
 _FLOW_UNITS = {quantity.name: quantity.unit for quantity in SAMPLE_INPUTS[1:]}
@@ -274,7 +274,7 @@ class EstimateWriter:
         text_columns: Sequence[str],
         attributes: Mapping[str, float],
     ) -> None:
-        self.path, self._n, self.text_columns = path, len(columns), tuple(text_columns)
+        self.path, self._n = path, len(columns)
         suffix = path.suffix.lower()
         self._least = 1 if suffix == ".csv" else _COLLECTED_ROWS
         self._collected: list[list[Sequence[Any] | FloatArray]] = []
@@ -282,15 +282,15 @@ class EstimateWriter:
         self._container = _CONTAINERS[suffix](temporary, columns, text_columns, stated)
         next(self._container)
 
-    def write(self, columns: Iterable[FloatArray], texts: Mapping[str, Sequence[str]] | None = None) -> None:
-        """Append n rows: the ``columns`` (n,) in their units, and n texts of each text column.
+    def write(self, columns: Iterable[FloatArray | Sequence[str]]) -> None:
+        """Append n rows: the ``columns`` (n,) in their units, then n texts of each text column.
 
         Raises
         ------
         StrainfmuError
             The file cannot be written.
         """
-        self._collected.append([*columns, *((texts or {})[name] for name in self.text_columns)])
+        self._collected.append([*columns])
         if sum(len(part[0]) for part in self._collected) >= self._least:
             with writing(self.path):
                 self._flush()

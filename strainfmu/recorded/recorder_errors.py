@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from strainfmu.arrays import FloatArray
+from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.estimator.air_inputs import MEASURED_MOTION
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.health import HealthState
@@ -179,6 +179,20 @@ def _forces(block: Samples) -> dict[str, FloatArray]:
     return {name: np.where(force == NOT_KNOWN, np.nan, force) for name, force in block.values(names).items()}
 
 
+@dataclass
+class _Window:
+    """The :data:`FLAGGED` successive samples with the largest sum of something, if that is above ``most``."""
+
+    most: float
+    samples: Samples | None = None
+
+    def add(self, block: Samples, of_samples: FloatArray | BoolArray) -> None:
+        sums = np.add.reduceat(of_samples, np.arange(0, len(of_samples), FLAGGED))
+        if sums.max() > self.most:
+            first, self.most = FLAGGED * int(np.argmax(sums)), float(sums.max())
+            self.samples = block[first : first + FLAGGED]
+
+
 class RecorderWatch:
     """What a recording at ``path`` shows of its recorder while it is estimated by a map."""
 
@@ -186,39 +200,29 @@ class RecorderWatch:
         self._path, self._estimator = path, estimator
         self._time: list[FloatArray] = []
         self._strain: list[FloatArray] = []
-        self._looked_at: Samples | None = None
-        self._flagged = 0
-        self._pushed: Samples | None = None
-        self._push = 0.0
+        self._flagged, self._pushed = _Window(-1.0), _Window(0.0)
 
     def add(self, block: Samples, health: FloatArray) -> None:
         """Look at a block, of which (n,) states of ``health`` are estimated."""
         if sum(map(len, self._time)) < SAMPLES:
             self._time.append(block.time)
             self._strain.append(block.strain)
-        rows = np.arange(0, len(health), FLAGGED)
-        flagged = np.add.reduceat(health == HealthState.INCONSISTENT, rows)
-        if self._looked_at is None or flagged.max() > self._flagged:
-            first, self._flagged = FLAGGED * int(np.argmax(flagged)), int(flagged.max())
-            self._looked_at = block[first : first + FLAGGED]
+        self._flagged.add(block, health == HealthState.INCONSISTENT)
         if forces := _forces(block):
-            push = np.add.reduceat(np.nansum(np.square([*forces.values()]), axis=0), rows)
-            if push.max() > self._push:
-                first, self._push = FLAGGED * int(np.argmax(push)), float(push.max())
-                self._pushed = block[first : first + FLAGGED]
+            self._pushed.add(block, np.nansum(np.square([*forces.values()]), axis=0))
 
     def notes(self) -> list[str]:
         """Return the lines on what disagrees with the vehicle file of the map; none of an FMU."""
         inverse_map = self._estimator.inverse_map
-        if inverse_map is None or self._looked_at is None:
+        if inverse_map is None or self._flagged.samples is None:
             return []
         errors = reading_errors(np.concatenate(self._time), np.concatenate(self._strain))
         lines = disagreements(errors, inverse_map)
-        lines = lines or late_or_warm(self._looked_at, inverse_map, self._residuals)
-        because = "INCONSISTENT by its readings alone: " if self._flagged > TAKEN * FLAGGED else ""
+        lines = lines or late_or_warm(self._flagged.samples, inverse_map, self._residuals)
+        because = "INCONSISTENT by its readings alone: " if self._flagged.most > TAKEN * FLAGGED else ""
         lines = [because + line for line in lines]
-        if self._pushed is not None:
-            lines += force_in_g(self._pushed, self._unfiltered)
+        if self._pushed.samples is not None:
+            lines += force_in_g(self._pushed.samples, self._unfiltered)
         return [f"{self._path}: {line}" for line in lines]
 
     def _residuals(self, block: Samples) -> FloatArray:

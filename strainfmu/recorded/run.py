@@ -7,7 +7,7 @@ from contextlib import ExitStack, nullcontext
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -25,18 +25,12 @@ from strainfmu.estimator.air_inputs import (
 from strainfmu.interface.health_names import STATE
 from strainfmu.recorded import outputs
 from strainfmu.recorded.checks import DataChecks
-from strainfmu.recorded.estimators import (
-    BlockEstimator,
-    open_estimator,
-)
+from strainfmu.recorded.estimators import BlockEstimator, open_estimator
 from strainfmu.recorded.names import FLOW_NAMES, Wanted
 from strainfmu.recorded.recorder_errors import RecorderWatch
 from strainfmu.recorded.samples import open_recording
 from strainfmu.recorded.summary import EstimationSummary
 from strainfmu.text_cells import DateOrder
-
-if TYPE_CHECKING:
-    pass
 
 Progress = Callable[[int, int], None]
 
@@ -134,7 +128,7 @@ def estimate_file(
             names = outputs.output_columns(selection.stated, estimator.other_columns)
             is_plain, watch = columns == "plain", RecorderWatch(data, estimator)
             written = outputs.plain_columns(names) if is_plain else {name: (name, unit) for name, unit in names}
-            texts = (outputs.HEALTH_COLUMN,) if is_plain else (outputs.SUSPECTS_COLUMN, outputs.FAULTS_COLUMN)
+            texts = outputs.PLAIN_TEXTS if is_plain else outputs.TEXTS
             with ExitStack() as stack:
                 writer = stack.enter_context(
                     outputs.estimate_writer(output, [*written.values()], texts, estimator.attributes)
@@ -151,15 +145,13 @@ def estimate_file(
                         for name, (_, unit) in written.items()
                     ]
                     if is_plain:
-                        writer.write(shown, {outputs.HEALTH_COLUMN: outputs.health_words(values[STATE])})
+                        writer.write([*shown, outputs.health_words(values[STATE])])
                     else:
-                        row_names = estimator.row_names
                         suspects = [
-                            ";".join([row_names[i] for i in row]) if row else "" for row in estimates.suspects
+                            ";".join([estimator.row_names[i] for i in row]) if row else ""
+                            for row in estimates.suspects
                         ]
-                        writer.write(
-                            shown, {outputs.SUSPECTS_COLUMN: suspects, outputs.FAULTS_COLUMN: block.faults}
-                        )
+                        writer.write([*shown, suspects, block.faults])
                     summary.add(block, estimates, estimator)
                     watch.add(block, estimates.values[STATE])
                     if series is not None and estimates.estimates is not None:

@@ -17,7 +17,7 @@ import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.errors import InputError
-from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE, SAMPLE_INPUTS, STATIC_PRESSURE, STD
+from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE, STATIC_PRESSURE, STD
 from strainfmu.recorded.channel_map import JOINS, ChannelMap, Join, load_channels, rosette_weights
 from strainfmu.recorded.formats import open_table
 from strainfmu.recorded.names import (
@@ -51,8 +51,6 @@ _SAME = 1e-3
 """Distance from a sample, in periods, that is none."""
 
 _GAPS_LISTED = 20
-
-_NOT_NEGATIVE = tuple(quantity.name for quantity in SAMPLE_INPUTS if quantity.is_std)
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,7 +183,7 @@ def _known_names(channel_map: ChannelMap, wanted: Wanted) -> Callable[[str], boo
 def _recording(selection: Selection) -> Recording:
     table, (base, tracks) = selection.table, _tracks(selection)
     join, gaps, frame = selection.join or Join(), Gaps(), table.frames[base.frame]
-    notes = [*table.remarks, *selection.notes, *_join_notes(table.path, base, tracks, join)]
+    table.remarks.extend(_join_notes(table.path, base, tracks, join))
     keys = (*base.keys, *(key for track in tracks for key in track.keys))
 
     def blocks() -> Iterator[Samples]:
@@ -196,15 +194,14 @@ def _recording(selection: Selection) -> Recording:
             yield _samples(selection, keys, rows._replace(values=values), frame.counted)
         if not base.position:
             raise InputError(f"{table.path}: no samples found")
-        notes.extend(remark for remark in table.remarks if remark not in notes)
         if gaps.number:
             many = f"{gaps.number} gaps, the longest of" if gaps.number > 1 else "a gap of"
-            notes.append(
+            table.remarks.append(
                 f"{table.path}: column '{base.time_name}': {many} {gaps.longest:.6g} s behind "
                 f"{frame.counted} {gaps.behind}; samples are {gaps.period:.6g} s apart"
             )
 
-    return Recording(selection=selection, blocks=blocks(), length=frame.length, notes=notes, gaps=gaps)
+    return Recording(selection=selection, blocks=blocks(), length=frame.length, notes=table.remarks, gaps=gaps)
 
 
 # --- rows of frames as tracks, each with times of its own ------------------------------------------------------
@@ -235,8 +232,6 @@ def _frame_rows(selection: Selection, number: int) -> Iterator[_Rows]:
     path, frame, (time_column, factor) = selection.path, selection.table.frames[number], selection.times[number]
     sources = [*selection.of_frame(number).values()]
     columns = [source.column for source in sources]
-    factors = np.array([source.factor for source in sources])
-    conversions = [(i, source.convert) for i, source in enumerate(sources) if source.convert is not None]
     read, last = 0, -np.inf
     for piece in frame.pieces(columns if time_column is None else [time_column, *columns]):
         n, values = len(piece.places), piece.values
@@ -246,18 +241,18 @@ def _frame_rows(selection: Selection, number: int) -> Iterator[_Rows]:
             time = stated * factor
             where = f"{path}: column '{_time_name(selection, number)}', {frame.counted}"
             _check_time(where, stated, time, piece.places, last)
-        table_rows = np.array(values).T  # columns stay contiguous up to the records of the estimator
-        if np.isinf(table_rows).any():  # NaN stands for "no value" in a file, an overflow does not
-            of, row = divmod(int(np.argmax(np.isinf(table_rows.T))), n)
+        series = np.array(values)  # of each column contiguous, up to the records of the estimator
+        if np.isinf(series).any():  # NaN stands for "no value" in a file, an overflow does not
+            of, row = divmod(int(np.argmax(np.isinf(series))), n)
             raise InputError(
                 f"{path}: column '{frame.columns[columns[of]].full}', {frame.counted} {piece.places[row]}: "
-                f"expected a finite number or NaN, got {table_rows[row, of]:g}"
+                f"expected a finite number or NaN, got {series[of, row]:g}"
             )
         read, last = read + n, float(time[-1]) if n else last
-        in_units = table_rows * factors if (factors != 1.0).any() else table_rows
-        for of, convert in conversions:
-            in_units[:, of] = convert(values[of])
-        yield _Rows(time, piece.places, in_units, piece.position)
+        for of, source in enumerate(sources):
+            if source.convert is not None:
+                series[of] = source.convert(series[of])
+        yield _Rows(time, piece.places, series.T, piece.position)
 
 
 def _check_time(where: str, stated: FloatArray, time: FloatArray, places: IntArray, last: float) -> None:
@@ -512,8 +507,8 @@ def _strains(selection: Selection, keys: Sequence[str], values: FloatArray) -> F
 
 
 def _check_signs(selection: Selection, flow: Mapping[str, FloatArray], where: Callable[[str, int], str]) -> None:
-    for name in dict.fromkeys((*_NOT_NEGATIVE, *(f"{name}{STD}" for name in flow))):
-        negative = np.flatnonzero(flow.get(name, np.empty(0)) < 0.0)
+    for name, values in flow.items():
+        negative = np.flatnonzero((values < 0.0) & name.endswith(STD))
         if len(negative):
             row, column = int(negative[0]), selection.column(selection.flow[name]).name
             raise InputError(f"{where(column, row)}: expected at least 0, got {flow[name][row]:g}")

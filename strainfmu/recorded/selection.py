@@ -73,14 +73,10 @@ _NUMBERED_TIME = re.compile(
 
 @dataclass(frozen=True, eq=False)
 class Source:
-    """Where values come from: number of the frame, of its column; and what makes SI units of them.
-
-    That is a factor, or ``convert``, where it is more.
-    """
+    """Where values come from: number of the frame, of its column; what makes SI units of them, None in these."""
 
     frame: int
     column: int
-    factor: float = 1.0
     convert: Conversion | None = None
 
 
@@ -99,7 +95,6 @@ class Selection:
     times : of each frame that is read.
     excluded : gauges that are left out.
     unused : names of the columns that are not read.
-    notes : lines for the user.
     strain_factor : of the unit of most strains, to m/m.
     pressure_factor : of the unit of the pressure that q_inf comes from, to Pa.
     rosettes, join : of the channel file; ``join`` None without one.
@@ -113,7 +108,6 @@ class Selection:
     times: dict[int, Times] = field(default_factory=dict)
     excluded: tuple[str, ...] = ()
     unused: tuple[str, ...] = ()
-    notes: list[str] = field(default_factory=list)
     strain_factor: float = 1.0
     pressure_factor: float = 1.0
     rosettes: tuple[Rosette, ...] = ()
@@ -210,7 +204,7 @@ def select(table: Table, wanted: Wanted, channel_map: ChannelMap | None = None) 
     for source in (*selection.strain.values(), *selection.flow.values()):
         if source.frame not in selection.times:
             selection.times[source.frame] = _times(selection, source, channel_map)
-    selection.notes += selection.flow_notes()
+    table.remarks.extend(selection.flow_notes())
     return selection
 
 
@@ -238,7 +232,7 @@ def _times(selection: Selection, source: Source, channel_map: ChannelMap | None)
         )
     column = frame.columns[times[0]]
     if column.dated:
-        selection.notes.append(f"{path}: {column.dated}")
+        table.remarks.append(f"{path}: {column.dated}")
         return times[0], 1.0
     unit = channel_map.time_unit if channel_map and (stated is not None or not frame.has_clock) else None
     return times[0], time_factor(path, column.heading, unit or column.unit)
@@ -303,7 +297,7 @@ def _by_names(selection: Selection) -> None:
             )
         place = _only(selection, places[gauge], gauge)
         factor, _ = scale_of(path, table.places[place].heading, STRAIN, table.places[place].unit)
-        selection.strain[gauge] = Source(*place, factor)
+        selection.strain[gauge] = Source(*place, _conversion(factor, 0.0))
         factors.append(factor)
     selection.strain_factor = float(np.median(factors))
     lacks = f"no column '{DYNAMIC_PRESSURE}' found, it holds {some_of(names)}; or state {wanted.pressure_option}"
@@ -336,7 +330,7 @@ def _select_flow(
         place = _only(selection, places[name], name if sensor is None else f"sensor {wanted.sensors[sensor]}")
         column = selection.table.places[place]
         factor, offset = scale_of(path, column.heading, name, units.get(name, column.unit), wanted.readings)
-        selection.flow[name] = Source(*place, factor, _conversion(factor, offset) if offset else None)
+        selection.flow[name] = Source(*place, _conversion(factor, offset))
         if name in (DYNAMIC_PRESSURE, STATIC_PRESSURE):
             selection.pressure_factor = factor
     is_computed = wanted.computes_pressure and bool(pressure_sources(selection.flow))
@@ -355,8 +349,10 @@ def _only(selection: Selection, places: Sequence[Place], what: str) -> Place:
     return places[0]
 
 
-def _conversion(factor: float, offset: float) -> Conversion:
-    return lambda values: values * factor + offset
+def _conversion(factor: float, offset: float) -> Conversion | None:
+    if offset:
+        return lambda values: values * factor + offset
+    return None if factor == 1.0 else lambda values: values * factor
 
 
 # --- columns that a channel file names --------------------------------------------------------------------------
@@ -389,7 +385,7 @@ def _by_channels(selection: Selection, channel_map: ChannelMap) -> None:
         selection.raster = used[name]
     without = [gauge for gauge in wanted.gauge_names if gauge not in gauges.values() and gauge not in excluded]
     if without:
-        selection.notes.append(
+        table.remarks.append(
             f"{path}: no channel for {len(without)} gauges of the map, left out: {some_of(without)}"
         )
     time = channel_map.time and matched(table.path, "channel of time", channel_map.time, table.names)
@@ -430,7 +426,7 @@ def _select_strains(selection: Selection, channel_map: ChannelMap, gauges: Mappi
         name = matched(path, "channel", entry.name, table.names)
         if name is None:
             near = suggestion(entry.name, table.names)
-            selection.notes.append(
+            table.remarks.append(
                 f"{path}: no channel '{entry.name}' found, {near}; gauge '{entry.gauge}' is left out"
             )
             continue
@@ -443,21 +439,21 @@ def _select_strains(selection: Selection, channel_map: ChannelMap, gauges: Mappi
         if differs(units[-1], recorded):
             other_units.append(f"'{name}' {units[-1]}, not {recorded}")
         convert = strain_conversion(stated_in, entry, units[-1])
-        selection.strain[gauges[entry.gauge]] = Source(*place, convert=convert)
+        selection.strain[gauges[entry.gauge]] = Source(*place, convert)
     if not selection.strain:
         holds = some_of(table.names) or "none"
         raise InputError(f"{path}: none of the channels of {stated_in} found, the recording holds {holds}")
     selection.strain_factor = float(np.median([STRAIN_UNITS.get(unit, 1.0) for unit in units]))
     if other_units:
         shown = ", ".join(other_units[:3]) + (" .." if len(other_units) > 3 else "")
-        selection.notes.append(
+        table.remarks.append(
             f"{stated_in}: units other than the recording's are used in {len(other_units)} channels: {shown}"
         )
     counts = Counter(entry.compensation for entry in channel_map.channels)
     kinds = ", ".join(f"{kind} {counts[kind]}" for kind in COMPENSATIONS if counts[kind])
     if kinds:
         rest = f", not stated {counts[None]}" if counts[None] else ""
-        selection.notes.append(
+        table.remarks.append(
             f"{stated_in}: temperature compensation of the channels: {kinds}{rest}; nothing else is taken off"
         )
 

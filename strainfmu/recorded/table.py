@@ -21,10 +21,10 @@ from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.recorded.names import matched, times_among
 from strainfmu.text_cells import DateOrder
 
-BLOCK_ROWS = 2000
+BLOCK_ROWS = 4000
 """Samples in one block."""
 
-PIECE_ROWS = 8 * BLOCK_ROWS
+PIECE_ROWS = 4 * BLOCK_ROWS
 """Rows of a piece of what is read by slices: whole blocks, so that no rows of it are moved."""
 
 LARGEST_MATRIX = 4096

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from types import FrameType
 
 LIMIT = 10.0
-"""Within this time [s] every damaged file ends with one line."""
+"""Within this processor time [s] every damaged file ends with one line; a child process has a limit of its own."""
 
 
 class TooLongError(BaseException):
@@ -26,7 +26,7 @@ def mutated(content: bytes, seed: int, most: int = 8) -> bytes:
 
 @contextmanager
 def limited(seconds: float = LIMIT) -> Iterator[None]:
-    """Raise :class:`TooLongError` in what takes longer than ``seconds``, on systems that have such a signal."""
+    """Raise :class:`TooLongError` in what takes more processor time than ``seconds``, where there is a signal."""
 
     def end(_number: int, _frame: FrameType | None) -> None:
         raise TooLongError(f"not ended after {seconds:g} s")
@@ -34,13 +34,13 @@ def limited(seconds: float = LIMIT) -> Iterator[None]:
     if not hasattr(signal, "setitimer"):
         yield
         return
-    before = signal.signal(signal.SIGALRM, end)
-    signal.setitimer(signal.ITIMER_REAL, seconds)
+    before = signal.signal(signal.SIGPROF, end)
+    signal.setitimer(signal.ITIMER_PROF, seconds)
     try:
         yield
     finally:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
-        signal.signal(signal.SIGALRM, before)
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+        signal.signal(signal.SIGPROF, before)
 
 
 def ends_in_one_line(run: Callable[..., tuple[int, str, str]], *arguments: object) -> int:

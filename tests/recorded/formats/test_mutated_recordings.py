@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import signal
 from collections import Counter
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from types import FrameType
 
 import numpy as np
 import pytest
+from mutations import TooLongError, limited
 from recorded_formats import WRITERS, Group
 
 from strainfmu.errors import InputError, StrainfmuError
@@ -18,29 +15,9 @@ from strainfmu.recorded.names import Wanted
 from strainfmu.recorded.samples import open_recording
 
 MUTATIONS = 500
-LIMIT = 10.0
-"""Processor time that a file of some kB may take in this process [s]; a look in a child has a limit of its own."""
 
 GAUGES = ("a", "b", "c")
 TIME = 0.01 * np.arange(60)
-
-
-class Hang(BaseException):
-    """Not to be caught by libraries that catch every exception."""
-
-
-@contextmanager
-def limited_time() -> Iterator[None]:
-    def stop(number: int, frame: FrameType | None) -> None:
-        raise Hang
-
-    before = signal.signal(signal.SIGPROF, stop)
-    signal.setitimer(signal.ITIMER_PROF, LIMIT)
-    try:
-        yield
-    finally:
-        signal.setitimer(signal.ITIMER_PROF, 0.0)
-        signal.signal(signal.SIGPROF, before)
 
 
 def mutated(content: bytes, random: np.random.Generator) -> bytes:
@@ -77,12 +54,12 @@ def test_a_mutated_file_is_read_or_refused_in_one_line(name: str, tmp_path: Path
     for number in range(MUTATIONS):
         path.write_bytes(mutated(content, random))
         try:
-            with limited_time(), open_recording(path, wanted) as recording:
+            with limited(), open_recording(path, wanted) as recording:
                 rows = sum(len(block.time) for block in recording.blocks)
             outcomes["read whole" if rows == len(TIME) else "read in part"] += 1
         except StrainfmuError as error:
             outcomes["refused" if "\n" not in str(error) else f"several lines: {error}"] += 1
-        except (Exception, Hang) as error:
+        except (Exception, TooLongError) as error:
             pytest.fail(f"mutation {number} of {name}: {type(error).__name__}: {error}")
     print(f"{name}: {dict(outcomes)}")
     assert {"read whole", "refused"} <= outcomes.keys() <= {"read whole", "read in part", "refused"}
