@@ -14,7 +14,8 @@ from builder.campaign.campaign_run import Campaign, run_campaign
 from builder.campaign.journal import Journal
 from builder.campaign.scheduling import Scheduling
 from builder.campaign.snapshots import Snapshots, load_snapshots
-from builder.inverse.problem import AnyStructure
+from builder.inverse.problem import AnyStructure, inverse_problem
+from builder.inverse.solution import Problem
 from builder.pipeline.chosen_estimator import with_estimator
 from builder.pipeline.measured_levels import (
     alarm_levels_wanted,
@@ -262,6 +263,13 @@ def map_parts(pipeline: Pipeline) -> tuple[Snapshots, AnyStructure]:
     return pipeline.map_parts
 
 
+def map_problem(pipeline: Pipeline) -> Problem:
+    """Return what the map is solved from, made once per run: the report needs it too."""
+    if pipeline.problem is None:
+        pipeline.problem = inverse_problem(pipeline.vehicle, *map_parts(pipeline))
+    return pipeline.problem
+
+
 def load_map_parts(
     vehicle: Vehicle, snapshots: Path, solid: Path | None, reporter: Reporter
 ) -> tuple[Snapshots, AnyStructure]:
@@ -285,7 +293,15 @@ def _inverse_map(pipeline: Pipeline) -> None:
     def write(path: Path) -> None:
         snapshots, structure = map_parts(pipeline)
         solid = solid_structure_of(pipeline)
-        made = map_from(vehicle, snapshots, structure, pipeline.reporter, solid, compares=not calibrates)
+        made = map_from(
+            vehicle,
+            snapshots,
+            structure,
+            pipeline.reporter,
+            solid,
+            problem=map_problem(pipeline),
+            compares=not calibrates,
+        )
         if calibrates and not flown.is_of_revolution:
             of_levels = load_snapshots(pipeline.path(FLOWS))
             made = with_shape_levels(flown, made, solid, of_levels, pipeline.reporter)
@@ -346,7 +362,8 @@ def _report(pipeline: Pipeline, vehicle_path: Path) -> None:
         snapshots, structure = map_parts(pipeline)
         inverse_map = load_inverse_map(pipeline.path(MAP))
         with pipeline.reporter.stage("Report: what the gauges observe"):
-            found = build_report(pipeline.vehicle, snapshots, structure, inverse_map, files=files)
+            problem = map_problem(pipeline)
+            found = build_report(pipeline.vehicle, snapshots, structure, inverse_map, files=files, problem=problem)
         pipeline.reporter.note(blind_line(found))
         if (line := model_form_line(found)) is not None:
             pipeline.reporter.note(line)

@@ -9,6 +9,7 @@ from typing import Any
 
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.problem import AnyStructure
+from builder.inverse.solution import Problem
 from builder.reporting import Reporter
 from builder.truth.revolution.strain import TrueStructure
 from builder.vehicle.file import Vehicle
@@ -52,6 +53,7 @@ class Pipeline:
         self.files: dict[str, str] = {}
         self.reused: list[str] = []
         self.map_parts: tuple[Snapshots, AnyStructure] | None = None
+        self.problem: Problem | None = None
         self.true_structure: TrueStructure | None = None
 
     def path(self, name: str) -> Path:

@@ -229,11 +229,13 @@ def map_from(
     reporter: Reporter,
     solid: Structure | None = None,
     *,
+    problem: Problem | None = None,
     compares: bool = True,
 ) -> InverseMap:
     """Return the inverse map from its parts and report what it holds.
 
-    ``solid`` is the three-dimensional structure behind ``structure``, whose mesh error is reported. With
+    ``solid`` is the three-dimensional structure behind ``structure``, whose mesh error is reported; ``problem``
+    is what the map is solved from, where it is known. With
     ``compares``, ``map.estimator`` "auto" is decided here, on snapshots left out; without, a map that can have
     tables has them.
     """
@@ -243,7 +245,7 @@ def map_from(
         reporter.note(
             f"warning: the map is made without {len(failed)} of {count} conditions, which were not solved"
         )
-    problem = inverse_problem(vehicle, snapshots, structure)
+    problem = problem or inverse_problem(vehicle, snapshots, structure)
     inverse_map = build_inverse_map(vehicle, snapshots, structure, problem=problem)
     if vehicle.map.estimator == "nonlinear":
         inverse_map = with_manifold(inverse_map, vehicle, snapshots, structure, problem=problem)

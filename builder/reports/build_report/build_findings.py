@@ -97,8 +97,11 @@ def build_report(
     inverse_map: InverseMap,
     nuisance: Sequence[NoiseTerm] = (),
     files: tuple[InputFile, ...] = (),
+    problem: Problem | None = None,
 ) -> BuildReport:
     """Return the report of ``inverse_map``, which was built from the others; ``files`` are those they lie in.
+
+    ``problem`` is what the map was solved from, where it is known.
 
     Raises
     ------
@@ -106,7 +109,7 @@ def build_report(
         As :func:`builder.inverse.build.build_inverse_map`; the map was built from other inputs, or the surface has
         too few nodes to resolve its symmetries.
     """
-    problem = inverse_problem(vehicle, snapshots, structure, nuisance)
+    problem = problem or inverse_problem(vehicle, snapshots, structure, nuisance)
     if inverse_map.manifold is not None:
         problem = with_flow_models(problem)
     solution = solve(problem)
