@@ -8,6 +8,7 @@ from dataclasses import replace
 from hashlib import sha256
 from io import StringIO
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,6 +18,10 @@ from rich.console import Console
 from scipy.stats import norm
 
 from builder.campaign.snapshots import Snapshots
+from builder.inverse.problem import inverse_problem
+from builder.inverse.solution import Problem
+from builder.pipeline import map_files, stages
+from builder.reports.build_report import build_findings
 from builder.structure.fourier.fourier_model import StructuralModel
 from builder.vehicle.file import Vehicle
 from strainfmu.cli.inspection.files import inspect_artefact
@@ -31,14 +36,28 @@ Run = Callable[..., tuple[int, str, str]]
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
-def test_build_leaves_a_report_and_uses_it_again(run: Run, tmp_path: Path) -> None:
-    """A build stops at the map and its report. It takes seconds: it is the whole command."""
+def test_build_leaves_a_report_and_uses_it_again(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A build stops at the map and its report. It takes seconds: it is the whole command.
+
+    What the map is solved from is made once.
+    """
+    problems = []
+
+    def counted(*parts: Any) -> Problem:
+        problems.append(inverse_problem(*parts))
+        return problems[-1]
+
+    for module in (map_files, stages, build_findings):
+        monkeypatch.setattr(module, "inverse_problem", counted)
     vehicle = ogive_with(
         tmp_path / "vehicle", 'case = 2\ngamma = "morozov"\nform = "absolute"\nsymmetry = "listed"'
     )
     code, printed, message = run("build", vehicle, "-o", tmp_path / "out")
     assert (code, message) == (0, "")
     assert "report.html: written" in printed
+    assert len(problems) == 1
     assert "is blind to pressure odd in y, odd in z (" in printed
     page = assert_self_contained((tmp_path / "out" / "report.html").read_text(encoding="utf-8"))
     # Form "absolute" has the alarm levels of the theory: no flows of the independent model.
