@@ -19,7 +19,7 @@ from builder.vehicle.shape.geometry import BodyOfRevolution, SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.flight_condition import FlightCondition
 
-METHOD_VERSION = 4
+METHOD_VERSION = 5
 """Raised whenever the solver's results change, so that stored flows of an older one are solved again."""
 
 

@@ -5,6 +5,7 @@ steps of any length, because all areas of a step in which the whole plane grows 
 (x + dx)^2 - x^2. So each cell may take the longest step that is stable for it, as in pseudo-time, and the
 thin cells at the wall no longer set the pace of all. What then remains are a few slow modes, above all the layer
 of entropy at the wall, and extrapolation from several rounds of sweeps removes them (Anderson, J. ACM 12, 1965).
+Where vortices lift off the lee side, an extrapolation may lead away from the flow; sweeps alone go on there.
 Arrays are as in :mod:`builder.aero.euler.scheme.march`; sweeps are compiled.
 """
 
@@ -163,6 +164,7 @@ def relax_cone(plane: Plane, slope: FloatArray, stream: Stream, grid: MarchingGr
         plane.outer = state[plane.conserved.size :].copy()
 
     start, pressure = packed(), np.ones(shape[1])
+    extrapolates = True
     results: list[FloatArray] = []
     moves: list[FloatArray] = []
     for _ in range(MAX_ROUNDS):
@@ -170,17 +172,18 @@ def relax_cone(plane: Plane, slope: FloatArray, stream: Stream, grid: MarchingGr
         status = sweep(plane.conserved, plane.outer, spacing, plane.rays, slope, stream, pressure=pressure)
         if status != REACHED_END and not results:
             break
-        if status != REACHED_END:  # The extrapolation went too far.
-            unpack(results[-1])
-            results, moves = [], []
-            continue
         change = change_between(pressure_before, pressure, outer_before, plane.outer)
-        if max(change, cone_imbalance(plane, slope, GAMMA * pressure, stream, grid)) < tolerance:
+        imbalance = cone_imbalance(plane, slope, GAMMA * pressure, stream, grid)
+        if status == REACHED_END and max(change, imbalance) < tolerance:
             return True
-        if change < NEAR:
-            after = packed()
-            # Moves of the cells alone are weighed: half a body and the whole then take the same way.
-            move = (after - before)[: plane.conserved.size]
+        after = packed()
+        # Moves of the cells alone are weighed: half a body and the whole then take the same way.
+        move = (after - before)[: plane.conserved.size]
+        leads_away = len(results) > 1 and np.linalg.norm(move) > np.linalg.norm(moves[-1])
+        if status != REACHED_END or leads_away:
+            unpack(results[-1])
+            extrapolates, results, moves = False, [], []
+        elif change < NEAR and extrapolates:
             results, moves = [*results[1 - DEPTH :], after], [*moves[1 - DEPTH :], move]
             if len(results) > 1:
                 unpack(extrapolate(results, moves))
