@@ -184,10 +184,8 @@ class ComparedWorld(World):
         is_exact = not case.built.stated
 
         def trained() -> EstimateReadings:
-            manifold, random = (
-                self.maps(case)[NONLINEAR].manifold,
-                np.random.default_rng([self.seed, not is_exact]),
-            )
+            manifold = self.maps(case)[NONLINEAR].manifold
+            random = np.random.default_rng([self.seed, not is_exact])
             assert manifold is not None
             altitudes = drawn_altitudes_km(self.vehicle, ALTITUDES_KM)
             training, calibration = (

@@ -134,11 +134,8 @@ def estimate_of(estimator: Estimator, read: Readings, start: FloatArray | None =
 
 def estimates_from(made: Estimate, air_data: Sequence[str] = ()) -> Estimates:
     """Return the loads of estimates, and the ``air_data`` of these names where some are known."""
-    value, std, columns = (
-        made.coefficients,
-        made.coefficients_std,
-        [AIR_DATA_NAMES.index(name) for name in air_data],
-    )
+    value, std = made.coefficients, made.coefficients_std
+    columns = [AIR_DATA_NAMES.index(name) for name in air_data]
     if columns and not np.isnan(made.air_data.value[:, columns]).all():
         value = np.hstack([value, made.air_data.value[:, columns]])
         std = np.hstack([std, made.air_data.std[:, columns]])

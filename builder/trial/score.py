@@ -107,13 +107,7 @@ def rows_of(names: Sequence[str], made: Estimates, read: Readings) -> list[Row]:
     states = {} if made.health is None else {HealthState(s).name: np.mean(health == s) for s in np.unique(health)}
     shared["health"] = " ".join(f"{name} {100.0 * share:.6g}" for name, share in states.items())
     right = np.asarray((covered | ~given).all(axis=1))
-    rows = [
-        {
-            "load": ALL,
-            **shared,
-            **_parts(clusters, right, flagged, everything),
-        }
-    ]
+    rows: list[Row] = [{"load": ALL, **shared, **_parts(clusters, right, flagged, everything)}]
     spread = np.ptp(read.truth, axis=0)
     for column, name in enumerate(names):
         own = error[:, column]
@@ -210,10 +204,8 @@ class Limit:
 
     def _text(self, load: str, value: float, error: float) -> str:
         of = f" of {load}" if self.of_each else ""
-        name, unit = (
-            self.column.removesuffix("_percent").replace("_", " "),
-            " %" if "percent" in self.column else "",
-        )
+        name = self.column.removesuffix("_percent").replace("_", " ")
+        unit = " %" if "percent" in self.column else ""
         aim = f"at most {self.high:g}" if value - self.high >= self.low - value else f"at least {self.low:g}"
         return f"{name}{of} {value:.3g} +- {error:.2g}{unit}, {aim}{unit} aimed at"
 

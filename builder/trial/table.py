@@ -121,10 +121,8 @@ def cells_of(row: Row, loads: Sequence[Row]) -> list[str]:
     undetected = f"{parts[3]:.2f} +- {row['undetected_percent_error']:.2f}"
     shares = [f"{part:.2f}" for part in parts[:3]] + [undetected, f"{parts[4]:.2f}"]
     z = _furthest(loads, "rms_z", lambda value: abs(log(max(value, 1e-9) / LOAD_WANTED)))
-    covered, bound = (
-        _furthest(loads, "covered_percent", lambda value: -value),
-        _furthest(loads, "over_bound", float),
-    )
+    covered = _furthest(loads, "covered_percent", lambda value: -value)
+    bound = _furthest(loads, "over_bound", float)
     return [row["case"], row["estimator"], f"{row['samples']}", *shares, covered, z, bound, row["verdict"]]
 
 
