@@ -120,13 +120,13 @@ def _fewest(columns: FloatArray, noise: FloatArray) -> FloatArray:
     """Return (n_d + n_f, k) columns with the covariance of ``columns`` (n_d + n_f, m).
 
     Their number does not grow with the gauges: what a column more would add is, of all gauges together, at most
-    :data:`LEAST_COLUMN` of their ``noise`` (n_d, n_d), and of each load that part of its deviation.
+    :data:`LEAST_COLUMN` of their ``noise`` (n_d, n_d), and of each load as much of its standard deviation.
     """
     of_load = np.linalg.norm(columns[len(noise) :], axis=1)
     size = np.concatenate([np.sqrt(np.diag(noise)), np.where(of_load > 0.0, of_load, 1.0)])[:, None]
-    left, part, _ = np.linalg.svd(columns / size, full_matrices=False)
-    kept = part > LEAST_COLUMN
-    return np.asarray(size * (left[:, kept] * part[kept]))
+    basis, part, _ = np.linalg.svd(columns / size, full_matrices=False)
+    counts = part > LEAST_COLUMN
+    return np.asarray(size * (basis[:, counts] * part[counts]))
 
 
 def _parts_that_follow(problem: Problem, coefficients: FloatArray) -> dict[str, Any]:

@@ -108,8 +108,8 @@ def solved_on_same_modes(case: ReportCase, kept: list[int]) -> Solution:
 def map_of_some(case: ReportCase, problem: Problem, solution: Solution, kept: list[int]) -> InverseMap:
     """Return the map of ``kept`` gauges from its own problem and solution."""
     whole, solved = case.inverse_map, solution.solved
-    first, *others = solution.noise.terms
-    columns = np.hstack([term.strain_and_load(len(problem.load_operator)) for term in others])
+    first, *more = solution.noise.terms
+    columns = np.hstack([term.strain_and_load(len(problem.load_operator)) for term in more])
     return replace(
         whole,
         gauge_names=tuple(whole.gauge_names[i] for i in kept),

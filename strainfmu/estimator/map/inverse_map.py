@@ -161,7 +161,7 @@ class InverseMap:
     fixed_load: FloatArray = entry("n_f", "N, N.m", "f_0, the same of loads; both are part of the mean",
         neutral=0.0)
     own_error_strain: FloatArray = entry("n_d", "m/m",
-        "standard deviation of each gauge's own errors that grow with the pressure as those of error_strain do",
+        "standard deviation of each gauge's own errors that grow with the pressure, besides error_strain",
         neutral=0.0, rule=FROM_0)
     zero_offset: FloatArray = entry("n_d", "m/m",
         "reading of each strain gauge without strain by the calibration; subtracted unless others are given",
