@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.sparse import csr_array
 
 from builder.calibration.plan.case_selection import CaseSensitivity, FlightSensitivity, no_knowledge, select_cases
 
@@ -14,7 +15,7 @@ N_D, N = 6, 9
 
 def some_flight(random: np.random.Generator) -> FlightSensitivity:
     return FlightSensitivity(
-        jacobian=random.normal(size=(3, N_D, N)),
+        jacobian=tuple(csr_array(one) for one in random.normal(size=(3, N_D, N))),
         state_operator=random.normal(size=(N_D, 3)),
         noise_covariance=0.1 * np.eye(N_D),
         regularisation=0.0,
@@ -25,7 +26,7 @@ def some_flight(random: np.random.Generator) -> FlightSensitivity:
 def some_cases(random: np.random.Generator, count: int) -> list[CaseSensitivity]:
     return [
         CaseSensitivity(
-            jacobian=random.normal(size=(N_D, N)),
+            jacobian=csr_array(random.normal(size=(N_D, N))),
             error=random.normal(size=(N_D, 2)),
             noise_std=np.full(N_D, 0.3),
         )
@@ -79,15 +80,15 @@ def test_each_case_is_the_best_next_one() -> None:
 def test_case_that_tells_what_flight_needs_comes_first() -> None:
     """Of two parameters only the second matters in flight; the case that shows it is chosen, not the larger."""
     flight = FlightSensitivity(
-        jacobian=np.array([[[0.0, 1.0], [0.0, 1.0]]]),
+        jacobian=(csr_array([[0.0, 1.0], [0.0, 1.0]]),),
         state_operator=np.eye(2),
         noise_covariance=1e-4 * np.eye(2),
         regularisation=0.0,
         coefficient_per_state=np.ones((5, 2)),
     )
     none, noise = np.zeros((2, 0)), np.full(2, 0.1)
-    shows_first = CaseSensitivity(jacobian=np.array([[50.0, 0.0], [50.0, 0.0]]), error=none, noise_std=noise)
-    shows_second = CaseSensitivity(jacobian=np.array([[0.0, 1.0], [0.0, 0.0]]), error=none, noise_std=noise)
+    shows_first = CaseSensitivity(jacobian=csr_array([[50.0, 0.0], [50.0, 0.0]]), error=none, noise_std=noise)
+    shows_second = CaseSensitivity(jacobian=csr_array([[0.0, 1.0], [0.0, 0.0]]), error=none, noise_std=noise)
     first, second = select_cases(no_knowledge(flight), [shows_first, shows_second], 2)
     assert first.number == second.number == 1
     assert np.all(second.sigmas < first.sigmas)

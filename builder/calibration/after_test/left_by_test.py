@@ -12,19 +12,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import eigh
+from scipy.sparse import csr_array
 
 from builder.inverse.modes.ensemble import Ensemble
 from builder.inverse.noise.hardware_errors import HardwareError
 from builder.inverse.noise.model import NoiseTerm
-from builder.structure.as_built.as_built_vehicle import (
-    AsBuilt,
-    Key,
-    of_gauges,
-    slices,
-    uncertain_keys,
-)
+from builder.structure.as_built.as_built_vehicle import AsBuilt, Key, places_of, slices, uncertain_keys
 from builder.structure.as_built.displaced_structure import AnyAsBuilt
-from strainfmu.arrays import FloatArray
+from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.estimator.signal_names import ZERO
 
 NAME = "left by the ground test"
@@ -81,25 +77,13 @@ def left_by_test(structure: AnyAsBuilt, remaining: Remaining, ensemble: Ensemble
 
 def _errors(structure: AnyAsBuilt, remaining: Remaining, ensemble: Ensemble) -> list[HardwareError]:
     by_key = structure.operator_slopes(remaining.parameters, remaining.uncertain)
-    n_d, where = structure.n_gauges, slices(structure.counts)
-    factor = _factor(remaining.covariance)
-    # (n_d, n_keys, r): what one deviation of column r changes of the parameters that gauge g reads with.
-    change = np.stack(
-        [
-            factor[where[key[0]]]
-            if of_gauges(key)
-            else np.broadcast_to(factor[where[key[0]].start + key[1]], (n_d, factor.shape[1]))
-            for key in by_key
-        ],
-        axis=1,
-    )
+    place = places_of(list(by_key), structure.counts)
     operator = np.stack(list(by_key.values()))  # n_keys, n_d, n_p
     strain = ensemble.responses(operator.reshape(-1, operator.shape[-1])).reshape(-1, *operator.shape[:2])
     product = np.einsum("j,jkg,jlg->gkl", ensemble.member_weight, strain, strain, optimize=True)
-    direction = _strongest(change, product)
-    common = change @ direction
-    rest = change - common @ direction.T
-    own = _patterns(rest @ np.swapaxes(rest, 1, 2), product)
+    common = _strongest(remaining.covariance, place, product)[place]
+    covariance = remaining.covariance[place[:, :, None], place[:, None, :]]
+    own = _patterns(covariance - common @ np.swapaxes(common, 1, 2), product)
     errors = np.concatenate([common, own], axis=2).transpose(0, 2, 1)  # n_d, n, n_keys in the parameters
     operators = (errors @ operator.swapaxes(0, 1)).swapaxes(0, 1)
     strains = (errors @ strain.T).transpose(1, 2, 0)  # n, n_j, n_d
@@ -115,11 +99,18 @@ def _errors(structure: AnyAsBuilt, remaining: Remaining, ensemble: Ensemble) -> 
     ]
 
 
-def _strongest(change: FloatArray, product: FloatArray) -> FloatArray:
-    """Return (r, COMMON) orthonormal directions that strain most, by mean squares over flows and gauges."""
-    gram = np.einsum("gkr,gkl,gls->rs", change, product, change, optimize=True)
-    _, vector = np.linalg.eigh(gram)
-    return np.asarray(vector[:, ::-1][:, :COMMON])
+def _strongest(covariance: FloatArray, place: IntArray, product: FloatArray) -> FloatArray:
+    """Return (n, COMMON) independent changes of the vector, of one standard deviation each, that strain most.
+
+    That is by mean squares over flows and gauges: the sum over the gauges of ``product`` (n_d, n_keys, n_keys) at
+    their ``place`` (n_d, n_keys), where few entries are not zero.
+    """
+    factor, shape = _factor(covariance), product.shape
+    rows, columns = (np.broadcast_to(at, shape).ravel() for at in (place[:, :, None], place[:, None, :]))
+    strained = csr_array((product.ravel(), (rows, columns)), shape=covariance.shape) @ factor
+    r = factor.shape[1]
+    _, vector = eigh(factor.T @ strained, subset_by_index=[max(r - COMMON, 0), r - 1])
+    return np.asarray(factor @ vector[:, ::-1])
 
 
 def _patterns(covariance: FloatArray, product: FloatArray) -> FloatArray:

@@ -14,7 +14,7 @@ from __future__ import annotations
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import cho_factor, cho_solve, solve_triangular
 from scipy.sparse import bsr_array, csr_array
 
 from strainfmu.arrays import FloatArray, IntArray
@@ -140,22 +140,22 @@ class Arrow:
         found[np.ix_(of_all, of_all)] = common
         found[np.ix_(of_gauges, of_all)] = -beside
         found[np.ix_(of_all, of_gauges)] = -beside.T
-        found[np.ix_(of_gauges, of_gauges)] = self._own_inverse.toarray() + beside @ slope.T
+        found[np.ix_(of_gauges, of_gauges)] = self._by_blocks(self._inverse[0]).toarray() + beside @ slope.T
         return found
 
-    @cached_property
-    def _own_inverse(self) -> csr_array:
-        """(n_own, n_own) D^-1."""
-        blocks, n_g = self._inverse[0], len(self.blocks)
+    def _by_blocks(self, blocks: FloatArray) -> csr_array:
+        """Return (n_own, n_own) of ``blocks`` (n_g, p, p)."""
+        n_g = len(self.blocks)
         every = bsr_array((blocks, np.arange(n_g), np.arange(n_g + 1)), shape=(n_g * blocks.shape[1],) * 2)
         return every.tocsr()[self.place][:, self.place]
 
-    def quadratic(self, rows: csr_array) -> FloatArray:
-        """Return R A^-1 R' (m, m) of rows R (m, k)."""
-        _, slope, common = self._inverse
+    def halves(self, rows: csr_array) -> tuple[csr_array, FloatArray]:
+        """Return G (m, n_own) and H (m, c) of rows R (m, k): R A^-1 R' = G G' + H H'."""
+        scale, of_all, root, _ = self._factors
         own = rows[:, self.of_gauges]
-        outer = rows[:, self.of_all].toarray() - own @ slope
-        return np.asarray((own @ self._own_inverse @ own.T).toarray() + outer @ common @ outer.T)
+        outer = (rows[:, self.of_all].toarray() - own @ self._inverse[1]) * of_all
+        of_common = solve_triangular(self._schur[0], outer.T, lower=True).T
+        return (own @ self._by_blocks(scale[:, :, None] * root.transpose(0, 2, 1))).tocsr(), of_common
 
 
 def _order_in_gauge(own: IntArray) -> IntArray:

@@ -79,9 +79,15 @@ class GaussianModel:
         """(n,) S^-1 left."""
         return np.asarray(self.left - self.rows @ self.mean)
 
+    @cached_property
+    def _halves(self) -> tuple[csr_array, FloatArray]:
+        """G (n, n_own) and H (n, c): S^-1 = 1 - G G' - H H'."""
+        return self.precision.halves(self.rows)
+
     def precision_of(self, at: IntArray) -> FloatArray:
         """Return the part of S^-1 of the rows ``at``."""
-        return np.eye(len(at)) - self.precision.quadratic(self.rows[at])
+        own, common = self._halves[0][at], self._halves[1][at]
+        return np.eye(len(at)) - (own @ own.T).toarray() - common @ common.T
 
     def without(self, at: IntArray) -> tuple[FloatArray, FloatArray]:
         """Return what the rows ``at`` differ by from the prediction by all others, and the covariance of that."""
@@ -90,6 +96,7 @@ class GaussianModel:
 
     def terms(self, columns: csr_array) -> tuple[FloatArray, FloatArray]:
         """Return C' S^-1 left (m,) and C' S^-1 C (m, m) of further columns C (n, m)."""
-        along = (columns.T @ self.rows).tocsr()
-        square = (columns.T @ columns).toarray() - self.precision.quadratic(along)
-        return columns.T @ self.weighted, np.asarray(square)
+        across = columns.T.tocsr()
+        own, common = across @ self._halves[0], across @ self._halves[1]
+        square = (across @ columns - own @ own.T).toarray() - common @ common.T
+        return across @ self.weighted, np.asarray(square)

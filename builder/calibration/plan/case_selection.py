@@ -15,6 +15,7 @@ from functools import cached_property
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
+from scipy.sparse import csr_array
 
 from strainfmu.arrays import FloatArray
 
@@ -32,7 +33,7 @@ class CaseSensitivity:
     noise_std : (n_d,) of a reading [m/m].
     """
 
-    jacobian: FloatArray
+    jacobian: csr_array
     error: FloatArray
     noise_std: FloatArray
 
@@ -48,14 +49,14 @@ class FlightSensitivity:
 
     Attributes
     ----------
-    jacobian : (n_f, n_d, n) strain per parameter at flights, each at one standard deviation of its prior [m/m].
+    jacobian : of each of the flights, (n_d, n) strain per parameter at one standard deviation of its prior [m/m].
     state_operator : (n_d, n_q) strain per state of the map.
     noise_covariance : (n_d, n_d) of a vehicle known exactly [(m/m)^2].
     regularisation : of the map, 0 in Case 1.
     coefficient_per_state : (5, n_q) [1].
     """
 
-    jacobian: FloatArray
+    jacobian: tuple[csr_array, ...]
     state_operator: FloatArray
     noise_covariance: FloatArray
     regularisation: float
@@ -95,7 +96,7 @@ class Knowledge:
 
     def after(self, case: CaseSensitivity) -> Knowledge:
         """Return what is known when a case has been applied."""
-        cross = self.covariance @ case.jacobian.T
+        cross = (case.jacobian @ self.covariance).T
         factor = cho_factor(case.jacobian @ cross + case.noise_covariance)
         covariance = self.covariance - cross @ cho_solve(factor, cross.T)
         return Knowledge(flight=self.flight, covariance=0.5 * (covariance + covariance.T))
@@ -106,25 +107,20 @@ class Knowledge:
 
     def error_covariance_after(self, case: CaseSensitivity) -> FloatArray:
         """Return the same when a case has been applied."""
-        cross = self._seen_in_flight @ case.jacobian.T
-        innovation = case.jacobian @ self.covariance @ case.jacobian.T + case.noise_covariance
-        root = np.linalg.cholesky(innovation)
-        n_f, n_d, _ = cross.shape
-        known = solve_triangular(root, cross.reshape(n_f * n_d, -1).T, lower=True).T.reshape(cross.shape)
-        return self.error_covariance() - _mean_of_products(known, known)
-
-    @cached_property
-    def _seen_in_flight(self) -> FloatArray:
-        return np.asarray(self.flight.jacobian @ self.covariance)
+        cross = case.jacobian @ self.covariance
+        root = np.linalg.cholesky(case.jacobian @ cross.T + case.noise_covariance)
+        known = solve_triangular(root, cross, lower=True).T
+        seen = [one @ known for one in self.flight.jacobian]
+        return self.error_covariance() - np.mean([one @ one.T for one in seen], axis=0)
 
     @cached_property
     def _error_covariance(self) -> FloatArray:
-        return _mean_of_products(self._seen_in_flight, self.flight.jacobian)
+        return np.mean([one @ (one @ self.covariance).T for one in self.flight.jacobian], axis=0)
 
 
 def no_knowledge(flight: FlightSensitivity) -> Knowledge:
     """Return what the priors say."""
-    return Knowledge(flight=flight, covariance=np.eye(flight.jacobian.shape[-1]))
+    return Knowledge(flight=flight, covariance=np.eye(flight.jacobian[0].shape[1]))
 
 
 def select_cases(
@@ -158,8 +154,3 @@ def select_cases(
 
 def _log_product(sigmas: FloatArray) -> float:
     return float(np.sum(np.log(sigmas)))
-
-
-def _mean_of_products(left: FloatArray, right: FloatArray) -> FloatArray:
-    """Return the mean over f of left_f right_f' of arrays (n_f, n_d, k)."""
-    return np.asarray(np.einsum("fik,fjk->ij", left, right, optimize=True) / len(left))

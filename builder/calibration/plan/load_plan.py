@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from builder.aero.loads.operator import coefficient_scale
 from builder.calibration.estimate.readings_model import ReadingsModel, scaled_columns
@@ -32,7 +33,7 @@ from builder.inverse.build import build_inverse_map
 from builder.inverse.modes.ensemble import ensemble_of
 from builder.inverse.problem import AnyStructure, on_structure
 from builder.reporting import Progress
-from builder.structure.as_built.as_built_vehicle import of_gauges, slices, uncertain_keys
+from builder.structure.as_built.as_built_vehicle import places_of, slices, uncertain_keys
 from builder.structure.as_built.displaced_structure import AnyAsBuilt
 from builder.structure.loads.applied import Load
 from builder.vehicle.file import Vehicle
@@ -197,20 +198,15 @@ def flight_sensitivity(parts: PlanParts, exact: InverseMap) -> FlightSensitivity
     std = as_built.prior(vehicle.calibration)
     keys = uncertain_keys(std, in_flight=True)
     slopes = as_built.operator_slopes(as_built.exactly_built(), keys)
-    found = {key: slope @ net for key, slope in slopes.items()}
-    jacobian = np.zeros((FLIGHTS, as_built.n_gauges, len(std.vector) + 1))
-    where, gauge = slices(as_built.counts), np.arange(as_built.n_gauges)
-    for key, value in found.items():
-        first = where[key[0]].start
-        if of_gauges(key):
-            jacobian[:, gauge, first + gauge] = value.T
-        else:
-            jacobian[:, :, first + key[1]] = value.T
-    jacobian[:, gauge, where[ZERO].start + gauge] = 1.0
-    jacobian[:, :, :-1] *= std.vector
+    place = places_of([*keys, (ZERO, 0)], as_built.counts)
+    strain = np.stack([*(slopes[key] @ net for key in keys), np.ones((len(place), FLIGHTS))], axis=2)
+    first, shape = np.arange(len(place) + 1) * place.shape[1], (len(place), len(std.vector) + 1)
     scale = coefficient_scale(exact.nominal_dynamic_pressure, vehicle.reference_quantities())
     return FlightSensitivity(
-        jacobian=jacobian,
+        jacobian=tuple(
+            csr_array(((one * std.vector[place]).ravel(), place.ravel(), first), shape=shape)
+            for one in np.moveaxis(strain, 1, 0)
+        ),
         state_operator=exact.state_operator,
         noise_covariance=exact.noise_covariance,
         regularisation=exact.regularisation,
@@ -234,17 +230,17 @@ def case_sensitivities(
     prior = as_built.prior(parts.vehicle.calibration)
     model = ReadingsModel(as_built, test, prior)
     _, jacobian = model.jacobian(np.zeros(len(model.std)))
-    jacobian = scaled_columns(jacobian, model.std).toarray().reshape(*model.test.readings.shape, -1)
-    cell = model.names.index("load cell")
-    own = np.array([k for k in range(model.n_built, len(model.std)) if k != cell], dtype=np.intp)
+    jacobian = scaled_columns(jacobian, model.std)
+    cell, n_d = model.names.index("load cell"), as_built.n_gauges
+    of_vehicle = np.append(np.arange(model.n_built), cell)
+    own = np.setdiff1d(np.arange(model.n_built, len(model.std)), cell)
     found = []
-    for rows in jacobian:
-        touched = own[np.any(rows[:, own] != 0.0, axis=0)]
+    for case in range(len(cases)):
+        rows = jacobian[case * n_d : (case + 1) * n_d].tocsc()
+        touched = own[abs(rows).sum(axis=0)[own] > 0.0]
         found.append(
             CaseSensitivity(
-                jacobian=np.column_stack([rows[:, : model.n_built], rows[:, cell]]),
-                error=rows[:, touched],
-                noise_std=noise_std,
+                jacobian=rows[:, of_vehicle].tocsr(), error=rows[:, touched].toarray(), noise_std=noise_std
             )
         )
     return found
@@ -252,8 +248,9 @@ def case_sensitivities(
 
 def acting_together(case: CaseSensitivity, weight: CaseSensitivity, zeros: slice) -> CaseSensitivity:
     """Return what a case determines in which own weight acts as well; the parameters ``zeros`` act once."""
-    jacobian = case.jacobian + weight.jacobian
-    jacobian[:, zeros] = case.jacobian[:, zeros]
+    once = np.ones(case.jacobian.shape[1])
+    once[zeros] = 0.0
+    jacobian = case.jacobian + scaled_columns(weight.jacobian, once)
     return CaseSensitivity(
         jacobian=jacobian, error=np.column_stack([case.error, weight.error]), noise_std=case.noise_std
     )

@@ -16,7 +16,7 @@ from builder.calibration.ground_test.candidate_cases import (
     candidate_cases,
 )
 from builder.calibration.ground_test.load_changes import cell_force
-from builder.calibration.plan.case_selection import Knowledge
+from builder.calibration.plan.case_selection import Knowledge, no_knowledge
 from builder.calibration.plan.load_plan import (
     PlanParts,
     case_sensitivities,
@@ -75,7 +75,6 @@ def worth_of_test(parts: PlanParts, found: Estimate) -> WorthOfTest:
     exact = exactly_known_map(parts)
     flight = flight_sensitivity(parts, exact)
     after = Knowledge(flight=flight, covariance=_over_prior(parts, found))
-    prior = Knowledge(flight=flight, covariance=np.eye(flight.jacobian.shape[-1]))
     cases = further_cases(parts, found)
     noise_std = np.median(found.model.test.reading_stds, axis=0)
     seen = case_sensitivities(parts, cases, found.model.test.errors, noise_std)
@@ -86,7 +85,7 @@ def worth_of_test(parts: PlanParts, found: Estimate) -> WorthOfTest:
     strain = ensemble.responses(parts.as_built.strain_operator(found.parameters))
     ground, rows = _ground_strains(found), found.used.any(axis=1)
     return WorthOfTest(
-        before=flight.sigmas(prior.error_covariance()),
+        before=flight.sigmas(no_knowledge(flight).error_covariance()),
         after=flight.sigmas(after.error_covariance()),
         exact=flight.sigmas(np.zeros_like(flight.noise_covariance)),
         further=cases[best].name,

@@ -44,7 +44,7 @@ def settle(figure: Figure, resolution: float) -> None:
     if engine is not None:
         figure.set_dpi(resolution)
         engine.execute(figure)
-        figure.set_layout_engine("none")
+        figure.set_layout_engine(None)
 
 
 def save(figure: Figure, path: Path, resolution: float = RESOLUTION) -> None:

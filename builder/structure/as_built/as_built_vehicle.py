@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from builder.structure.as_built_kinds import AS_BUILT, IN_FLIGHT, IN_NOISE, KINDS, ParameterKind
 from builder.vehicle.map.calibration import Calibration
 from builder.vehicle.map.options import Noise
-from strainfmu.arrays import FloatArray
+from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.signal_names import ZERO
 
@@ -223,6 +223,13 @@ def stated_keys(noise: Noise, counts: Counts) -> list[Key]:
 def of_gauges(key: Key) -> bool:
     """Return whether every gauge has its own parameter of a kind."""
     return KINDS[key[0]].extent == "gauge"
+
+
+def places_of(keys: Sequence[Key], counts: Counts) -> IntArray:
+    """Return (n_d, n_keys) where the parameters of ``keys`` that each gauge reads with stand in the vector."""
+    gauge, where = np.arange(counts.gauge), slices(counts)
+    numbers = [gauge if of_gauges(key) else np.full_like(gauge, key[1]) for key in keys]
+    return np.stack([where[kind].start + at for (kind, _), at in zip(keys, numbers, strict=True)], axis=1)
 
 
 def parameter_derivatives(
