@@ -31,15 +31,13 @@ from builder.structure.as_built.as_built_vehicle import (
     exactly_built,
 )
 from builder.structure.as_built.gauge_strain_terms import WallGauges, gain_of, operator_of, rows_of
-from builder.structure.as_built.reading_slopes import load_slopes, operator_slopes, strain_at_roll
+from builder.structure.as_built.reading_slopes import load_slopes, operator_slopes, read_load
 from builder.structure.as_built.response_tables import (
     LoadResponse,
     ResponseTable,
     combined,
-    even_amplitudes,
     nominal_table,
     together,
-    uneven_amplitudes,
 )
 from builder.structure.as_built.wall_harmonics import WAVES, rolled_quarter, times_waves
 from builder.structure.as_built.wall_regions import WallRegions, counts_of_wall, thickened, wall_regions
@@ -225,12 +223,7 @@ class AsBuiltStructure:
 
     def response_strain(self, parameters: AsBuilt, response: LoadResponse) -> FloatArray:
         """Return the readings (n_d,) [m/m] under the load of ``response``, (n_loads, n_d) under several."""
-        thickness, station = self._thickness(parameters), self.states.station
-        even = even_amplitudes(response.table, parameters, thickness, station)  # 2, .., n_m, n_d, 3
-        uneven = tuple(uneven_amplitudes(response.table, parameters, station))
-        strain = strain_at_roll(even, uneven, self.on_wall.roll_angle(parameters))
-        normal, shear = self.on_wall.direction_weights(parameters)
-        reading = (normal * strain[..., :2]).sum(axis=-1) + shear * strain[..., 2]
+        reading = read_load(self.on_wall, response.table, parameters, self._thickness(parameters))
         stiffness = 1.0 + parameters.youngs_modulus * np.asarray(response.by_stress)[..., None]
         weight = 1.0 + parameters.mass * np.asarray(response.by_mass)[..., None]
         return np.asarray(gain_of(parameters) * reading * weight / stiffness + response.constant)

@@ -98,7 +98,7 @@ class WallGauges:
         found = even_amplitudes(table, built, thickness, self.station)
         return self.at_roll(
             found,
-            uneven_amplitudes(table, built, self.station),
+            uneven_amplitudes(table, built),
             roll=roll,
             weights=self.direction_weights(built),
             lead=table.nominal.ndim - 3,
@@ -115,7 +115,7 @@ class WallGauges:
     ) -> BuiltGauges:
         """Return the response of gauges at ``roll`` (.., n_d) [rad] that make ``weights`` of the strain.
 
-        ``amplitude`` (.., n_m, n_d, 3) and ``parts`` are as from
+        ``amplitude`` (.., n_m, n_d, 3) and ``parts``, at the stations, are as from
         :func:`~builder.structure.as_built.response_tables.even_amplitudes` and
         :func:`~builder.structure.as_built.response_tables.uneven_amplitudes`, per pressure, ``weights`` as from
         :meth:`direction_weights`; ``lead`` is how many dimensions of the table lead.
@@ -127,7 +127,7 @@ class WallGauges:
         for wave, turned, sides in parts:
             cosine, sine = np.zeros_like(even), np.zeros_like(even)
             phases = side_phases(roll - turned * QUARTER / wave, n_m, wave)
-            for (cos_m, sin_m, factor), part in zip(phases, sides, strict=True):
+            for (cos_m, sin_m, factor), part in zip(phases, sides[..., self.station, :], strict=True):
                 along, across = _along(part, normal), part[..., 2] * shear
                 cosine += factor * (along * cos_m + across * sin_m)
                 sine += factor * (along * sin_m - across * cos_m)

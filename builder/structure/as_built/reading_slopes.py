@@ -13,7 +13,6 @@ strain with other weights, by wall, clamp, joints and stations from the tables, 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -23,8 +22,7 @@ from builder.structure.as_built.response_tables import (
     QUARTER,
     LoadResponse,
     ResponseTable,
-    at_gauges,
-    even_amplitudes,
+    at_stations,
     side_phases,
     uneven_amplitudes,
 )
@@ -44,49 +42,41 @@ CLAMP = {"clamp_axial": 0, "clamp_transverse": 1}
 """Rows of the soft part."""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class AmplitudeSlope:
-    """Derivative of amplitudes by one parameter.
+Terms = Sequence[tuple[FloatArray | float, FloatArray]]
+"""Amplitudes (.., n_m, n_s, 3) at stations, each with its factor (n_d,) at the gauges, or 1."""
 
-    Attributes
-    ----------
-    even : (.., n_m, n_d, 3) of the part that goes round the body as the load does; None for none.
-    uneven : harmonic of the wall, quarters of its period that it is rolled by, and (3 sides, .., n_m, n_d, 3);
-        None for none.
-    """
+Parts = Sequence[tuple[int, int, FloatArray]]
+"""Harmonic of an uneven wall, quarters of its period that it is rolled by, and (3 sides, .., n_m, n_s, 3)."""
 
-    even: FloatArray | None = None
-    uneven: tuple[int, int, FloatArray] | None = None
+Weights = tuple[FloatArray, FloatArray]
+
+
+def amplitude_terms(table: ResponseTable, built: AsBuilt, thickness: FloatArray) -> Terms:
+    """Return the amplitudes of one vehicle that go round the body as the load does."""
+    shift = built.axial_shift
+    change = ((shift, table.along), (shift**2, table.along_twice))
+    return [(1.0, at_stations(table, built, thickness)), *((size, one) for size, one in change if one is not None)]
 
 
 def amplitude_slope(
-    table: ResponseTable, built: AsBuilt, thickness: FloatArray, station: IntArray, key: tuple[str, int]
-) -> AmplitudeSlope:
+    table: ResponseTable, built: AsBuilt, thickness: FloatArray, key: tuple[str, int]
+) -> tuple[Terms, Parts]:
     """Return the derivative by parameter ``key``: its kind, and the number of its region or joint.
 
-    ``thickness`` (n_t,) is what the rows of :attr:`ResponseTable.wall` are multiplied by, ``station`` (n_d,) the
-    gauges'. What a table has no row of changes nothing.
+    ``thickness`` (n_t,) is what the rows of :attr:`ResponseTable.wall` are multiplied by. What a table has no row
+    of changes nothing.
     """
     kind, number = key
     if kind == "axial_shift":
-        return AmplitudeSlope(even=_along(table, built, station))
+        change = ((1.0, table.along), (2.0 * built.axial_shift, table.along_twice))
+        return [(size, one) for size, one in change if one is not None], ()
     if kind in UNEVEN:
         wave, turned = UNEVEN[kind]
-        load = None if table.uneven_load is None else table.uneven_load[wave, turned, number][..., station, :]
-        part = table.uneven[wave, turned, number][..., station, :]
-        return AmplitudeSlope(even=load, uneven=(WAVES[wave], turned, part) if part.any() else None)
+        part = table.uneven[wave, turned, number]
+        load = [] if table.uneven_load is None else [(1.0, table.uneven_load[wave, turned, number])]
+        return load, [(WAVES[wave], turned, part)] if part.any() else ()
     row = _row(table, built, thickness, kind, number)
-    return AmplitudeSlope(even=None if row is None else row[..., station, :])
-
-
-def _along(table: ResponseTable, built: AsBuilt, station: IntArray) -> FloatArray | None:
-    if table.along is None:
-        return None
-    slope = table.along[..., station, :]
-    if table.along_twice is None:
-        return slope
-    shift = at_gauges(built.axial_shift, table.nominal.ndim - 3)[..., None]
-    return np.asarray(slope + 2.0 * shift * table.along_twice[..., station, :])
+    return [] if row is None else [(1.0, row)], ()
 
 
 def _row(table: ResponseTable, built: AsBuilt, thickness: FloatArray, kind: str, number: int) -> FloatArray | None:
@@ -109,15 +99,12 @@ ROLL_STEP = 1e-4
 OF_ROLL = ("circumferential_shift", "layout_roll")
 OF_DIRECTION = ("orientation", "row_orientation", "transverse_sensitivity")
 
-Weights = tuple[FloatArray, FloatArray]
-Parts = Sequence[tuple[int, int, FloatArray]]
-
 
 class _Slopes:
     """Derivatives of one vehicle; what they have in common is found once.
 
-    ``read`` returns readings (n_d, ..) of even amplitudes, uneven parts, roll angles and weights of direction;
-    they are linear in amplitudes and weights.
+    ``read`` returns readings (n_d, ..) of amplitudes, uneven parts, roll angles and weights of direction; they are
+    linear in amplitudes and weights.
     """
 
     def __init__(
@@ -126,11 +113,11 @@ class _Slopes:
         table: ResponseTable,
         built: AsBuilt,
         thickness: FloatArray,
-        read: Callable[[FloatArray, Parts, FloatArray, Weights], FloatArray],
+        read: Callable[[Terms, Parts, FloatArray, Weights], FloatArray],
     ) -> None:
         self._wall, self._table, self._built, self._thickness, self._read = on_wall, table, built, thickness, read
-        self._even = even_amplitudes(table, built, thickness, on_wall.station)
-        self._uneven = tuple(uneven_amplitudes(table, built, on_wall.station))
+        self._even = amplitude_terms(table, built, thickness)
+        self._uneven = tuple(uneven_amplitudes(table, built))
         self._roll, self._weights = on_wall.roll_angle(built), on_wall.direction_weights(built)
         self._by_direction = on_wall.direction_slopes(built)
         self._by_roll: FloatArray | None = None
@@ -145,9 +132,8 @@ class _Slopes:
         if kind in OF_DIRECTION:
             slope = self._read(self._even, self._uneven, self._roll, self._by_direction[kind])
             return times_gauges(slope, (self._wall.row == number) * 1.0) if kind == "row_orientation" else slope
-        return self._of_amplitudes(
-            amplitude_slope(self._table, self._built, self._thickness, self._wall.station, key)
-        )
+        even, uneven = amplitude_slope(self._table, self._built, self._thickness, key)
+        return self._read(even, uneven, self._roll, self._weights)
 
     def _of_roll(self) -> FloatArray:
         if self._by_roll is None:
@@ -158,13 +144,6 @@ class _Slopes:
             self._by_roll = (plus - minus) / (2.0 * ROLL_STEP)
         return self._by_roll
 
-    def _of_amplitudes(self, slope: AmplitudeSlope) -> FloatArray:
-        if slope.even is None and slope.uneven is None:
-            return np.zeros_like(self.value)
-        even = np.zeros_like(self._even) if slope.even is None else slope.even
-        parts = () if slope.uneven is None else (slope.uneven,)
-        return self._read(even, parts, self._roll, self._weights)
-
 
 def load_slopes(
     on_wall: WallGauges, response: LoadResponse, built: AsBuilt, thickness: FloatArray, keys: Sequence[Key]
@@ -174,10 +153,10 @@ def load_slopes(
     ``thickness`` is as in :func:`~builder.structure.as_built.response_tables.even_amplitudes`.
     """
 
-    def read(even: FloatArray, parts: Parts, roll: FloatArray, weights: Weights) -> FloatArray:
-        normal, shear = weights
-        strain = strain_at_roll(even, parts, roll)
-        return np.moveaxis((normal * strain[..., :2]).sum(axis=-1) + shear * strain[..., 2], -1, 0)
+    lead = response.table.nominal.shape[1:-3]
+
+    def read(even: Terms, parts: Parts, roll: FloatArray, weights: Weights) -> FloatArray:
+        return np.moveaxis(_read(lead, on_wall.station, even, parts, roll, weights), -1, 0)
 
     slopes = _Slopes(on_wall, response.table, built, thickness, read)
     by_stress, by_mass = (np.asarray(one) * 1.0 for one in (response.by_stress, response.by_mass))
@@ -202,8 +181,13 @@ def operator_slopes(
 ) -> dict[Key, FloatArray]:
     """Return the derivatives (n_d, n_p) of the strain operator on ``grid`` by ``keys`` [1/Pa per unit]."""
 
-    def read(even: FloatArray, parts: Parts, roll: FloatArray, weights: Weights) -> FloatArray:
-        gauges = on_wall.at_roll(even, parts, roll=roll, weights=weights, lead=table.nominal.ndim - 3)
+    shape = (*table.nominal.shape[:-2], len(on_wall.station), 3)
+
+    def read(even: Terms, parts: Parts, roll: FloatArray, weights: Weights) -> FloatArray:
+        amplitude = np.zeros(shape)
+        for factor, term in even:
+            amplitude += np.reshape(factor, (-1, 1)) * term[..., on_wall.station, :]
+        gauges = on_wall.at_roll(amplitude, parts, roll=roll, weights=weights, lead=len(shape) - 3)
         return operator_of(gauges, built, grid)
 
     slopes = _Slopes(on_wall, table, built, thickness, read)
@@ -214,21 +198,39 @@ def operator_slopes(
     return by_key
 
 
-def strain_at_roll(even: FloatArray, parts: Parts, roll: FloatArray) -> FloatArray:
-    """Return strain (.., n_d, 3) at roll angles (n_d,) of amplitudes (2, .., n_m, n_d, 3) and uneven parts."""
-    n_m = even.shape[-3]
-    phase = np.arange(n_m)[:, None] * roll
-    strain = _at_roll(even, np.cos(phase), np.sin(phase))
+def read_load(on_wall: WallGauges, table: ResponseTable, built: AsBuilt, thickness: FloatArray) -> FloatArray:
+    """Return readings (.., n_d) of one vehicle under the loads of ``table``, without gain, mass and modulus."""
+    even, uneven = amplitude_terms(table, built, thickness), tuple(uneven_amplitudes(table, built))
+    roll, weights = on_wall.roll_angle(built), on_wall.direction_weights(built)
+    return _read(table.nominal.shape[1:-3], on_wall.station, even, uneven, roll, weights)
+
+
+def _read(
+    lead: tuple[int, ...], station: IntArray, even: Terms, parts: Parts, roll: FloatArray, weights: Weights
+) -> FloatArray:
+    """Return readings (*lead, n_d) at roll angles (n_d,) of amplitudes (2, *lead, n_m, n_s, 3)."""
+    weight, found = np.column_stack(weights), np.zeros((*lead, len(station)))
+    for factor, amplitude in even:
+        phase = np.arange(amplitude.shape[-3])[:, None] * roll
+        found += factor * _at_roll(amplitude, station, np.cos(phase), np.sin(phase), weight)
     for wave, turned, sides in parts:
-        phases = side_phases(roll - turned * QUARTER / wave, n_m, wave)
-        for (cosine, sine, factor), part in zip(phases, sides, strict=True):
-            strain = strain + factor[:, None] * _at_roll(part, cosine, sine)
-    return strain
+        phases = side_phases(roll - turned * QUARTER / wave, sides.shape[-3], wave)
+        for (cosine, sine, at_side), part in zip(phases, sides, strict=True):
+            found += at_side * _at_roll(part, station, cosine, sine, weight)
+    return found
 
 
-def _at_roll(amplitude: FloatArray, cosine: FloatArray, sine: FloatArray) -> FloatArray:
-    """Return strain (.., n_d, 3) of amplitudes (2, .., n_m, n_d, 3) where the harmonics are (n_m, n_d)."""
-    first, second = amplitude
-    strain = first * np.stack([cosine, cosine, sine], axis=-1)
-    strain += second * np.stack([sine, sine, -cosine], axis=-1)
-    return np.asarray(strain.sum(axis=-3))
+def _at_roll(
+    amplitude: FloatArray, station: IntArray, cosine: FloatArray, sine: FloatArray, weight: FloatArray
+) -> FloatArray:
+    """Return readings (.., n_d) of amplitudes (2, .., n_m, n_s, 3) where the harmonics are (n_m, n_d) and gauges
+    make ``weight`` (n_d, 3) of the strain: a product of matrices for each station."""
+    n_m, n_s, _ = amplitude.shape[-3:]
+    first, second = np.stack([cosine, cosine, sine]), np.stack([sine, sine, -cosine])
+    waves = (np.stack([first, second], axis=2) * weight.T[:, None, None]).reshape(-1, len(station))  # 3, n_m, 2
+    rows = amplitude.reshape(2, -1, n_m, n_s, 3).transpose(3, 1, 4, 2, 0).reshape(n_s, -1, len(waves))
+    found = np.empty((rows.shape[1], len(station)))
+    for number, of_loads in enumerate(rows):
+        gauges = np.flatnonzero(station == number)
+        found[:, gauges] = of_loads @ waves[:, gauges]
+    return found.reshape(*amplitude.shape[1:-3], -1)

@@ -157,17 +157,8 @@ def even_amplitudes(
     ``thickness`` (.., n_t) is what the rows of :attr:`ResponseTable.wall` are multiplied by, or (.., n_d) what
     each gauge sees of the first one.
     """
-    found, lead = table.nominal, table.nominal.ndim - 3
-    of_each = thickness.shape[-1] != len(table.wall)
-    if len(table.wall) and not of_each:
-        found = found + np.tensordot(thickness, table.wall, 1) + np.tensordot(thickness**2, table.wall_twice, 1)
-    if table.uneven_load is not None:
-        found = found + np.tensordot(_waves(parameters), table.uneven_load, 3)
-    if table.region_mass is not None:
-        found = found + np.tensordot(parameters.region_mass, table.region_mass, 1)
-    if len(table.soft):
-        found = found + np.tensordot(_softness(parameters)[..., : len(table.soft)], table.soft, 1)
-    found = found[..., station, :]
+    lead, of_each = table.nominal.ndim - 3, thickness.shape[-1] != len(table.wall)
+    found = at_stations(table, parameters, thickness)[..., station, :]
     if len(table.wall) and of_each:
         t = at_gauges(thickness, lead)[..., None]
         found = found + t * (table.wall[0][..., station, :] + t * table.wall_twice[0][..., station, :])
@@ -180,6 +171,21 @@ def even_amplitudes(
     return np.asarray(found + shift * slope)
 
 
+def at_stations(table: ResponseTable, parameters: AsBuilt, thickness: FloatArray) -> FloatArray:
+    """Return (.., n_m, n_s, 3) at the stations of the drawing, of the part that goes round the body as the load
+    does; without a ``thickness`` (.., n_d) that each gauge sees."""
+    found = table.nominal
+    if len(table.wall) and thickness.shape[-1] == len(table.wall):
+        found = found + np.tensordot(thickness, table.wall, 1) + np.tensordot(thickness**2, table.wall_twice, 1)
+    if table.uneven_load is not None:
+        found = found + np.tensordot(_waves(parameters), table.uneven_load, 3)
+    if table.region_mass is not None:
+        found = found + np.tensordot(parameters.region_mass, table.region_mass, 1)
+    if len(table.soft):
+        found = found + np.tensordot(_softness(parameters)[..., : len(table.soft)], table.soft, 1)
+    return np.asarray(found)
+
+
 def at_gauges(value: FloatArray, lead: int, dimensions: int = 1) -> FloatArray:
     """Return ``value`` (.., n_d) with places for harmonics and for the ``lead`` dimensions of a table, behind the
     vehicles; its last ``dimensions`` are the gauges' own."""
@@ -187,19 +193,17 @@ def at_gauges(value: FloatArray, lead: int, dimensions: int = 1) -> FloatArray:
     return value.reshape(*vehicles, *[1] * (lead + 1), *own)
 
 
-def uneven_amplitudes(
-    table: ResponseTable, parameters: AsBuilt, station: IntArray
-) -> Iterator[tuple[int, int, FloatArray]]:
+def uneven_amplitudes(table: ResponseTable, parameters: AsBuilt) -> Iterator[tuple[int, int, FloatArray]]:
     """Yield the parts of the uneven wall: its harmonic w, quarters of its period that it is rolled by, amplitudes.
 
-    These are (3 sides, .., n_m, n_d, 3), of one vehicle. An even wall has no parts.
+    These are (3 sides, .., n_m, n_s, 3), of one vehicle. An even wall has no parts.
     """
     if not is_uneven(parameters):
         return
     for wave, by_frame, tables in zip(WAVES, _waves(parameters), table.uneven, strict=True):
         for turned, (size, part) in enumerate(zip(by_frame, tables, strict=True)):
             if size.any():
-                yield wave, turned, np.tensordot(size, part, 1)[..., station, :]
+                yield wave, turned, np.tensordot(size, part, 1)
 
 
 def _softness(parameters: AsBuilt) -> FloatArray:
