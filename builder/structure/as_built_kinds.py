@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
@@ -65,12 +66,12 @@ class ParameterKind:
     alike_in_flight: bool = False
     role: Role = "estimated"
 
-    @property
+    @cached_property
     def unit(self) -> str:
         """Unit of the entry, by its end; parameters themselves are in SI."""
         return next(unit for end, unit in UNIT_OF_END.items() if self.entry.endswith(end))
 
-    @property
+    @cached_property
     def scale(self) -> float:
         """Size of the unit, in SI."""
         return UNIT[self.unit]

@@ -247,7 +247,7 @@ def uneven_adjoints(
         rows[moved] = solved(solver, rows[moved])
         for wave in range(len(WAVES)):
             yield (wave, region, of_surface), rows
-        for wave, side in reached:
-            m = n + wave * side
-            forces = change.forces(expected.at_gauges(m), n, m)
-            yield (WAVES.index(wave), region, SIDES.index(side)), solved(solver, forces)
+        harmonics = [n + wave * side for wave, side in reached]
+        forces = np.array([change.forces(expected.at_gauges(m), n, m) for m in harmonics])
+        for (wave, side), found in zip(reached, solved(solver, forces), strict=True):
+            yield (WAVES.index(wave), region, SIDES.index(side)), found
