@@ -91,7 +91,7 @@ def test_they_scatter_about_the_estimate_as_the_test_says(
     n = as_built.n_gauges
     pressures = net_pressure(as_built, true_model, table, drawing)
     nominal = as_built.strain_operator(as_built.exactly_built())
-    found = strain_of_flows(nominal, as_built.surface, table, drawing)
+    found = strain_of_flows([nominal], as_built.surface, table, drawing)
     np.testing.assert_allclose(found, pressures @ nominal.T, rtol=0, atol=1e-12 * np.abs(found).max())
     covariances = strain_covariances(as_built, tested.parameters, tested.covariance, pressures)
     for number, (pressure, covariance) in enumerate(zip(pressures, covariances, strict=True)):

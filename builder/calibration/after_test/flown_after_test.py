@@ -7,6 +7,7 @@ The errors that no ground test knows are drawn as for the map of the drawing.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -86,10 +87,9 @@ def allowed_flights(
     nominal = structure.strain_operator(structure.exactly_built())
     change = structure.strain_operator(remaining.parameters) - nominal
     slope = structure.operator_slopes(remaining.parameters, remaining.uncertain)
-    operators = np.stack([change, *slope.values()])
-    strain = strain_of_flows(
-        operators.reshape(-1, structure.surface.n_nodes), structure.surface, table, flights
-    ).reshape(len(conditions), len(operators), structure.n_gauges)
+    operators = [change, *slope.values()]
+    strain = strain_of_flows(operators, structure.surface, table, flights)
+    strain = strain.reshape(len(conditions), len(operators), structure.n_gauges)
     own = [key for key in slope if of_gauges(key)]
     common = [key for key in slope if not of_gauges(key)]
     order = [1 + list(slope).index(key) for key in (*own, *common)]
@@ -108,8 +108,11 @@ def allowed_flights(
     )
 
 
-def strain_of_flows(operator: FloatArray, grid: SurfaceGrid, table: FlowTable, flights: TrueFlights) -> FloatArray:
-    """Return (k, n_o) what ``operator`` (n_o, n_p) [1/Pa] on ``grid`` makes of p - p_internal in every flight.
+def strain_of_flows(
+    operators: Sequence[FloatArray], grid: SurfaceGrid, table: FlowTable, flights: TrueFlights
+) -> FloatArray:
+    """Return (k, n_o) what the rows of ``operators`` (.., n_p) [1/Pa] on ``grid`` make of p - p_internal in every
+    flight.
 
     The pressure is linear between the stations of ``table``. Strain is linear in the flows of the
     table, so that it is found for these and interpolated.
@@ -117,16 +120,18 @@ def strain_of_flows(operator: FloatArray, grid: SurfaceGrid, table: FlowTable, f
     n_m, stations = table.harmonic.shape[-1], flights.structure.surface.x
     around = np.outer(grid.roll_angle, np.arange(n_m))
     between = np.array([np.interp(grid.x, stations, row) for row in np.eye(len(stations))])
-    by_station = operator.reshape(len(operator), len(grid.x), -1)
+    by_station = [operator.reshape(len(operator), len(grid.x), -1) for operator in operators]
+    of_uniform = np.concatenate([operator.sum(axis=1) for operator in operators])
     mach, incidence, wind = flow_states(flights.conditions)
     phase = np.outer(wind, np.arange(n_m))
-    ratio = np.zeros((len(wind), len(operator)))
+    ratio = np.zeros((len(wind), len(of_uniform)))
     for of_parity, weight in zip(by_parity(n_m), knot_weights(table, mach, incidence), strict=True):
         flows = np.einsum("abxm,xy->abym", table.harmonic[..., of_parity], between, optimize=True)
         for wave in (np.cos, np.sin):
-            rolled = by_station @ wave(around[:, of_parity])  # n_o, n_x, harmonics
+            waves = wave(around[:, of_parity])
+            rolled = np.concatenate([rows @ waves for rows in by_station])  # n_o, n_x, harmonics
             strain = np.einsum("oym,abym->mabo", rolled, flows, optimize=True)
             turned = wave(phase[:, of_parity])[:, :, None] * weight[:, None, :]
-            ratio += turned.reshape(len(wind), -1) @ strain.reshape(-1, len(operator))
+            ratio += turned.reshape(len(wind), -1) @ strain.reshape(-1, len(of_uniform))
     ambient, inside = flights.ambient_pressure, flights.internal_pressure
-    return np.asarray(ambient[:, None] * ratio - np.outer(inside, operator.sum(axis=1)))
+    return np.asarray(ambient[:, None] * ratio - np.outer(inside, of_uniform))

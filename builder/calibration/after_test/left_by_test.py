@@ -78,14 +78,16 @@ def left_by_test(structure: AnyAsBuilt, remaining: Remaining, ensemble: Ensemble
 def _errors(structure: AnyAsBuilt, remaining: Remaining, ensemble: Ensemble) -> list[HardwareError]:
     by_key = structure.operator_slopes(remaining.parameters, remaining.uncertain)
     place = places_of(list(by_key), structure.counts)
-    operator = np.stack(list(by_key.values()))  # n_keys, n_d, n_p
-    strain = ensemble.responses(operator.reshape(-1, operator.shape[-1])).reshape(-1, *operator.shape[:2])
-    product = np.einsum("j,jkg,jlg->gkl", ensemble.member_weight, strain, strain, optimize=True)
+    strain = np.stack([ensemble.responses(operator) for operator in by_key.values()], axis=1)  # n_j, n_keys, n_d
+    weight = ensemble.member_weight[:, None]
+    product = np.stack([of_gauge.T @ (weight * of_gauge) for of_gauge in np.moveaxis(strain, 2, 0)])
     common = _strongest(remaining.covariance, place, product)[place]
     covariance = remaining.covariance[place[:, :, None], place[:, None, :]]
     own = _patterns(covariance - common @ np.swapaxes(common, 1, 2), product)
     errors = np.concatenate([common, own], axis=2).transpose(0, 2, 1)  # n_d, n, n_keys in the parameters
-    operators = (errors @ operator.swapaxes(0, 1)).swapaxes(0, 1)
+    operators = np.empty((errors.shape[1], len(errors), structure.surface.n_nodes))
+    for gauge, of_gauge in enumerate(errors):  # gauge by gauge: all operators together take more room than the map
+        operators[:, gauge] = of_gauge @ np.stack([operator[gauge] for operator in by_key.values()])
     strains = (errors @ strain.T).transpose(1, 2, 0)  # n, n_j, n_d
     return [
         HardwareError(
