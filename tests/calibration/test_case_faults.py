@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 from drawn_tests import applied_by, blank_test, drawn_readings
@@ -16,7 +18,7 @@ from builder.calibration.ground_test.load_test import LoadErrors
 from builder.calibration.score.ground_rows import GAUGE_SPOILS, Spoil, case_spoils, with_another
 from builder.structure.as_built.as_built_structure import AsBuiltStructure
 from builder.structure.as_built.as_built_vehicle import as_built_std
-from builder.structure.loads.applied import PadForce
+from builder.structure.loads.applied import STANDARD_GRAVITY, PadForce
 from builder.vehicle.file import Vehicle
 
 SLOW = pytest.mark.slow
@@ -74,6 +76,19 @@ def test_the_vehicle_is_estimated_without_the_case(model: ReadingsModel) -> None
     found, faults = calibrate_with_faults(model.with_readings(reading))
     assert [one.line for one in faults] == [f"load case '{name}': stated in N, applied in kgf"]
     assert found.agrees
+
+
+def test_a_load_near_another_unit_is_said_to_be_so(model: ReadingsModel) -> None:
+    """In kgf, by a load cell that reads 9 % too much; own weight acts once all the same."""
+    random = np.random.default_rng(3)
+    reading, vector = drawn_readings(model, random)
+    case, load = next((case, known.load) for case, known in model.loads if isinstance(known.load, PadForce))
+    reading[case] += (0.91 * STANDARD_GRAVITY - 1.0) * applied_by(model, vector).of_load(load, load)
+    (fault,) = calibrate_with_faults(model.with_readings(reading))[1]
+    said = re.fullmatch(r".*loads differ by \+(.*)% from what is stated, nearly as if (.*)", fault.line)
+    assert said is not None, fault.line
+    assert float(said[1]) == pytest.approx(100.0 * (0.91 * STANDARD_GRAVITY - 1.0), rel=0.02)
+    assert said[2] == "stated in N, applied in kgf"
 
 
 @pytest.mark.parametrize("draw", [0, pytest.param(1, marks=SLOW)])

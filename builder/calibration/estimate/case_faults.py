@@ -57,6 +57,9 @@ FACTORS = {
 }
 """Causes that multiply a load, by the factor."""
 
+NEAR_UNIT = 0.1
+"""Part of a unit's factor by which the factor of a load may differ from it to be said to be near."""
+
 TURNS = {90.0: "turned by 90 deg", 180.0: "turned by 180 deg", 270.0: "turned by -90 deg"}
 """Attitudes other than the stated one, by the change of the roll angle that is up [deg]."""
 
@@ -301,16 +304,23 @@ class _Screen:
             yield _Cause(kind="attitude", text=f"the vehicle is {one.name}", reading=reading[k], columns=columns)
 
     def _by_a_factor(self, case: int, mean: FloatArray) -> tuple[str, float]:
-        """Return by how much the loads differ at best, in words."""
+        """Return by how much the loads differ at best, in words; own weight apart where it is not the only one."""
         zeros, of_load = self._of_load(case)
+        own, load = np.where(zeros, self.columns(case), 0.0), self.predicted[case]
         at = np.flatnonzero(self.used[case])
-        load = (self.predicted[case] + of_load @ mean)[at]
-        left = (self.reading[case] - np.where(zeros, self.columns(case), 0.0) @ mean)[at]
+        if not self._weighs(case):
+            weight, of_weight = self._of_weight(case, zeros)
+            own, of_load, load = own + of_weight, of_load - of_weight, load - weight
+        left = (self.reading[case] - (self.predicted[case] - load) - own @ mean)[at]
+        load = (load + of_load @ mean)[at]
         factor = float(load @ left) / max(float(load @ load), 1e-300)
         rest = float(np.linalg.norm(left - factor * load) / max(float(np.linalg.norm(left)), 1e-300))
         if rest > 0.5:
             return "its readings fit no cause that is known", float("nan")
         text = f"loads differ by {factor - 1.0:+.1%} from what is stated"
+        units = [name for unit, name in FACTORS.items() if abs(factor - unit) < NEAR_UNIT * unit]
+        if units:
+            return f"{text}, nearly as if {units[0]}", factor
         forces = [cell_force(one.load) for one in self.model.test.cases[case].loads]
         if len(forces) == 1 and forces[0] > 0.0:
             more = (factor - 1.0) * forces[0]
