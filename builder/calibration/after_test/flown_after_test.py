@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from builder.calibration.after_test.left_by_test import Remaining
+from builder.calibration.after_test.left_by_test import Remaining, blocks_of
 from builder.structure.as_built.as_built_structure import AsBuiltStructure
 from builder.structure.as_built.as_built_vehicle import AsBuilt, exactly_built, of_gauges, slices
 from builder.trial.readings import World
@@ -86,13 +86,16 @@ def allowed_flights(
     of_flow, of_unit = strain_per_pressure(flights, exactly_built(flights.counts))
     nominal = structure.strain_operator(structure.exactly_built())
     change = structure.strain_operator(remaining.parameters) - nominal
-    slope = structure.operator_slopes(remaining.parameters, remaining.uncertain)
-    operators = [change, *slope.values()]
-    strain = strain_of_flows(operators, structure.surface, table, flights)
-    strain = strain.reshape(len(conditions), len(operators), structure.n_gauges)
-    own = [key for key in slope if of_gauges(key)]
-    common = [key for key in slope if not of_gauges(key)]
-    order = [1 + list(slope).index(key) for key in (*own, *common)]
+    keys, parts = remaining.uncertain, []
+    for gauges in blocks_of(structure.n_gauges):
+        slopes = structure.operator_slopes(remaining.parameters, keys, gauges)
+        operators = [change[gauges], *slopes.values()]
+        of_block = strain_of_flows(operators, structure.surface, table, flights)
+        parts.append(of_block.reshape(len(conditions), len(operators), -1))
+    strain = np.concatenate(parts, axis=2)
+    own = [key for key in keys if of_gauges(key)]
+    common = [key for key in keys if not of_gauges(key)]
+    order = [1 + keys.index(key) for key in (*own, *common)]
     where, place = slices(structure.counts), np.arange(len(remaining.covariance))
     rows = [place[where[ZERO]], *(place[where[kind]] for kind, _ in own)]
     rows.append(np.array([place[where[kind]][number] for kind, number in common], dtype=np.intp))

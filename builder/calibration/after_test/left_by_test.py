@@ -10,6 +10,7 @@ the flows. The mean variance of every gauge is kept, covariances as far as the c
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from scipy.linalg import eigh
@@ -31,6 +32,9 @@ large as it is; with 20 what it leaves of every coefficient is right within 9 %.
 
 PATTERNS = 5
 """Patterns over the flows of the error that each gauge has on its own."""
+
+BLOCK = 64
+"""Gauges whose operators by all keys are in memory at once."""
 
 NEGLIGIBLE = 1e-12
 """Variance relative to the largest below which a column of a covariance is left out."""
@@ -76,29 +80,44 @@ def left_by_test(structure: AnyAsBuilt, remaining: Remaining, ensemble: Ensemble
 
 
 def _errors(structure: AnyAsBuilt, remaining: Remaining, ensemble: Ensemble) -> list[HardwareError]:
-    by_key = structure.operator_slopes(remaining.parameters, remaining.uncertain)
-    place = places_of(list(by_key), structure.counts)
-    strain = np.stack([ensemble.responses(operator) for operator in by_key.values()], axis=1)  # n_j, n_keys, n_d
-    weight = ensemble.member_weight[:, None]
-    product = np.stack([of_gauge.T @ (weight * of_gauge) for of_gauge in np.moveaxis(strain, 2, 0)])
+    keys, blocks = remaining.uncertain, blocks_of(structure.n_gauges)
+    place = places_of(keys, structure.counts)
+
+    @lru_cache(1)
+    def slopes(number: int) -> FloatArray:
+        """Return (n_keys, n, n_p) derivatives of the operators of a block."""
+        return np.stack(list(structure.operator_slopes(remaining.parameters, keys, blocks[number]).values()))
+
+    product = np.concatenate([_products(ensemble, slopes(number)) for number in range(len(blocks))])
     common = _strongest(remaining.covariance, place, product)[place]
     covariance = remaining.covariance[place[:, :, None], place[:, None, :]]
     own = _patterns(covariance - common @ np.swapaxes(common, 1, 2), product)
     errors = np.concatenate([common, own], axis=2).transpose(0, 2, 1)  # n_d, n, n_keys in the parameters
-    operators = np.empty((errors.shape[1], len(errors), structure.surface.n_nodes))
-    for gauge, of_gauge in enumerate(errors):  # gauge by gauge: all operators together take more room than the map
-        operators[:, gauge] = of_gauge @ np.stack([operator[gauge] for operator in by_key.values()])
-    strains = (errors @ strain.T).transpose(1, 2, 0)  # n, n_j, n_d
+    operators = np.empty((errors.shape[1], structure.n_gauges, structure.surface.n_nodes))
+    for number, gauges in enumerate(blocks):
+        operators[:, gauges] = (errors[gauges] @ slopes(number).swapaxes(0, 1)).swapaxes(0, 1)
     return [
         HardwareError(
             name=NAME,
-            operator=np.ascontiguousarray(of_pressure),
-            strain=np.ascontiguousarray(of_flows),
+            operator=operator,
+            strain=ensemble.responses(operator),
             common=number < common.shape[2],
             with_rest=True,
         )
-        for number, (of_pressure, of_flows) in enumerate(zip(operators, strains, strict=True))
+        for number, operator in enumerate(operators)
     ]
+
+
+def blocks_of(n_gauges: int) -> list[slice]:
+    """Return the gauges in blocks of :data:`BLOCK`."""
+    return [slice(first, min(first + BLOCK, n_gauges)) for first in range(0, n_gauges, BLOCK)]
+
+
+def _products(ensemble: Ensemble, operators: FloatArray) -> FloatArray:
+    """Return (n, n_keys, n_keys) mean products, over the flows, of the strains by ``operators`` of n gauges."""
+    strain = np.stack([ensemble.responses(operator) for operator in operators], axis=2)  # n_j, n, n_keys
+    weight = ensemble.member_weight[:, None]
+    return np.stack([of_gauge.T @ (weight * of_gauge) for of_gauge in np.moveaxis(strain, 1, 0)])
 
 
 def _strongest(covariance: FloatArray, place: IntArray, product: FloatArray) -> FloatArray:

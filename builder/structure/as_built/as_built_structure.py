@@ -236,14 +236,17 @@ class AsBuiltStructure:
         thickness = self._thickness_that_changes(parameters, keys)
         return load_slopes(self.on_wall, response, parameters, thickness, keys)
 
-    def operator_slopes(self, parameters: AsBuilt, keys: Sequence[Key]) -> dict[Key, FloatArray]:
-        """Return the derivatives (n_d, n_p) of :meth:`strain_operator` by ``keys`` [1/Pa per unit]."""
+    def operator_slopes(
+        self, parameters: AsBuilt, keys: Sequence[Key], gauges: slice = slice(None)
+    ) -> dict[Key, FloatArray]:
+        """Return the derivatives (n_d, n_p) of :meth:`strain_operator` by ``keys``, of some ``gauges``
+        [1/Pa per unit]."""
         if self.in_flight is not None:
-            return self.in_flight.operator_slopes(parameters, keys)
+            return self.in_flight.operator_slopes(parameters, keys, gauges)
         return operator_slopes(
-            self.on_wall,
+            self.on_wall.some(gauges),
             self.pressure,
-            parameters,
+            parameters.of_some(gauges),
             thickness=self._thickness_that_changes(parameters, keys),
             grid=self.surface,
             keys=keys,

@@ -95,6 +95,15 @@ class AsBuilt:
             self.counts, {name: value[number] if value.ndim > 1 else value for name, value in self.errors.items()}
         )
 
+    def of_some(self, gauges: slice) -> AsBuilt:
+        """Return the vehicle with some of its ``gauges`` alone."""
+        own = {kind.name for kind in (*AS_BUILT, *IN_FLIGHT) if kind.extent == "gauge"}
+        parts = {
+            name: value[..., gauges] if name in own and value.shape[-1] > 1 else value
+            for name, value in self.errors.items()
+        }
+        return AsBuilt(self.counts._replace(gauge=len(range(self.counts.gauge)[gauges])), parts)
+
     def of_all(self, kind: str) -> FloatArray:
         """Return (.., 1) what all regions have in common, or (n_d,) what each gauge sees.
 

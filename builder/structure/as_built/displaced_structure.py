@@ -232,9 +232,13 @@ class DisplacedStructure:
         """Return Z_p (n_d, n_p) [1/Pa]: reading, without zeros, per pressure at every node of ``surface``."""
         return self._read(self._of_pressure, parameters).T
 
-    def operator_slopes(self, parameters: AsBuilt, keys: Sequence[Key]) -> dict[Key, FloatArray]:
-        """Return the derivatives (n_d, n_p) of :meth:`strain_operator` by ``keys`` [1/Pa per unit]."""
-        return parameter_derivatives(self.strain_operator, parameters, keys)
+    def operator_slopes(
+        self, parameters: AsBuilt, keys: Sequence[Key], gauges: slice = slice(None)
+    ) -> dict[Key, FloatArray]:
+        """Return the derivatives (n_d, n_p) of :meth:`strain_operator` by ``keys``, of some ``gauges``
+        [1/Pa per unit]."""
+        slopes = parameter_derivatives(self.strain_operator, parameters, keys)
+        return {key: slope[gauges] for key, slope in slopes.items()}
 
     def load_strain(self, parameters: AsBuilt, loads: Sequence[Load]) -> FloatArray:
         """Return what every gauge reads under loads that act together, without zeros, (n_d,) [m/m]."""

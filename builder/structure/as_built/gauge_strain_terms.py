@@ -60,6 +60,13 @@ class WallGauges:
     row: IntArray
     station: IntArray
 
+    def some(self, gauges: slice) -> WallGauges:
+        """Return some of the ``gauges``."""
+        placed = PlacedGauges(**{name: value[gauges] for name, value in vars(self.placed).items()})
+        return WallGauges(
+            placed=placed, radius=self.radius[gauges], row=self.row[gauges], station=self.station[gauges]
+        )
+
     def roll_angle(self, built: AsBuilt) -> FloatArray:
         """Return (.., n_d) where the gauges are [rad]."""
         return np.asarray(self.placed.roll_angle + built.layout_roll + built.circumferential_shift / self.radius)
