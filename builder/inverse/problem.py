@@ -9,7 +9,7 @@ import numpy as np
 from builder.aero.loads.groups import other_load_operator
 from builder.aero.loads.operator import load_operator_on
 from builder.aero.shapes import outer_surface
-from builder.aero.surface.mesh import mesh_of
+from builder.aero.surface.mesh import grid_of, mesh_of
 from builder.campaign.snapshots import Snapshots, snapshots_on
 from builder.inverse.modes.ensemble import Ensemble, ensemble_of
 from builder.inverse.noise.flow_models import flow_model_errors
@@ -34,7 +34,6 @@ from builder.structure.mapped_structure import MappedStructure
 from builder.structure.solid.case import structure_case
 from builder.structure.solid.checks import ELEMENT_FRACTION
 from builder.vehicle.file import Vehicle
-from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 
@@ -200,14 +199,14 @@ def _mesh_error(
 
 def _difference_of_fourier_model(vehicle: Vehicle, structure: MappedStructure) -> FloatArray | None:
     """Return what the Fourier model's Z_p (n_d, n_p) [1/Pa] adds to ``structure``; None where it cannot do it."""
-    layout, surface = vehicle.gauges.layout, structure.surface
-    if not isinstance(surface, SurfaceGrid) or layout not in vehicle.gauges.layouts:
+    layout, grid = vehicle.gauges.layout, grid_of(structure.surface)
+    if grid is None or layout not in vehicle.gauges.layouts:
         return None
     own = vehicle.resolution.map
     length = min(own.element_length_mm, 1e3 * ELEMENT_FRACTION * vehicle.body().length)
     fine = own.model_copy(update={"element_length_mm": length, "wall_layers": max(2, own.wall_layers)})
     try:
-        other = structural_model_on(vehicle, surface, fine, [layout])
+        other = structural_model_on(vehicle, grid, fine, [layout])
     except InputError:
         return None
     return other.strain_operator(layout) - structure.strain_operator(layout)
@@ -215,4 +214,5 @@ def _difference_of_fourier_model(vehicle: Vehicle, structure: MappedStructure) -
 
 def on_structure(snapshots: Snapshots, structure: AnyStructure) -> Snapshots:
     """Return the snapshots at the structure's nodes, unchanged where they are there already."""
-    return snapshots_on(snapshots, structure.surface) if isinstance(structure.surface, SurfaceGrid) else snapshots
+    grid = grid_of(structure.surface)
+    return snapshots if grid is None else snapshots_on(snapshots, grid)

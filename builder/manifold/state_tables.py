@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import block_diag
 
-from builder.aero.surface.mesh import SurfaceMesh, mesh_of
+from builder.aero.surface.mesh import SurfaceMesh, grid_of, mesh_of
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.noise.error_list import GRID_REFINEMENT, INTERPOLATION
 from builder.inverse.noise.flow_models import newtonian_snapshots
@@ -84,8 +84,9 @@ def state_tables(
         The flows do not suffice for tables.
     """
     surface = structure.surface
-    if isinstance(surface, SurfaceGrid) and problem.ensemble.grid is not None:
-        return _of_revolution(vehicle, snapshots, problem, operator, surface)
+    grid = grid_of(surface)
+    if grid is not None and problem.ensemble.grid is not None:
+        return _of_revolution(vehicle, snapshots, problem, operator, grid)
     mesh = mesh_of(surface)
     both = with_mirror_images(snapshots, mesh)
     between = problem.between if both is snapshots else flows_between(vehicle, both)

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import qr
 
+from builder.aero.surface.mesh import grid_of
 from builder.placement.counted_sensors import counted_sensors
 from builder.placement.design import Aim, Study, aimed
 from builder.placement.flight_models import FlightParts, flight_model
@@ -23,7 +24,6 @@ from builder.placement.rules import Rules
 from builder.placement.selection import best_of_starts, greedy, rounded
 from builder.reporting import Progress
 from builder.vehicle.gauges.sensor_entries import Ports, Sensors
-from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray, IntArray
 
 ROWS = (0.0, 90.0, 180.0, 270.0)
@@ -207,7 +207,7 @@ def _sweeps(
         ("gauge noise over the stated one [1]", NOISES, [_with_noise(parts, factor) for factor in NOISES]),
         ("error of position [mm]", POSITIONS, positions),
     ]
-    if isinstance(parts.structure.surface, SurfaceGrid):
+    if grid_of(parts.structure.surface) is not None:
         asked.append(("flush ports [1]", tuple(map(float, PORTS)), [_with_ports(parts, count) for count in PORTS]))
     sweeps = []
     for label, values, changed in asked:
@@ -241,16 +241,16 @@ def _with_noise(parts: FlightParts, factor: float) -> FlightParts:
 
 def _with_ports(parts: FlightParts, count: int) -> FlightParts:
     """Return ``parts`` with ``count`` ports evenly around, instead of the ports of the vehicle file."""
-    entry, surface = parts.vehicle.sensors, parts.structure.surface
-    assert isinstance(surface, SurfaceGrid)
+    entry, grid = parts.vehicle.sensors, grid_of(parts.structure.surface)
+    assert grid is not None
     ports = None if entry is None else entry.ports
     if ports is None:
-        x = max(float(surface.x[0]), PORT_STATION * float(surface.x[-1]))
+        x = max(float(grid.x[0]), PORT_STATION * float(grid.x[-1]))
         ports = Ports(x_m=x, roll_deg=[0.0], std_Pa=PORT_STD, range_Pa=1e6, gain_percent=PORT_GAIN)
     angles = [360.0 * k / count for k in range(count)]
     new = ports.model_copy(update={"roll_deg": angles}) if count else None
     changed = Sensors.model_construct(ports=new) if entry is None else entry.model_copy(update={"ports": new})
-    return replace(parts, sensors=counted_sensors(changed, surface, parts.basis))
+    return replace(parts, sensors=counted_sensors(changed, grid, parts.basis))
 
 
 def _by_rank(of_study: IntArray, sites: list[int]) -> FloatArray:

@@ -9,6 +9,7 @@ from typing import Literal
 
 import numpy as np
 
+from builder.aero.surface.mesh import grid_of
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.modes.ensemble import ensemble_of
 from builder.inverse.problem import AnyStructure
@@ -43,7 +44,6 @@ from builder.structure.solid.gauge_rows import gauges_at
 from builder.vehicle.file import Vehicle
 from builder.vehicle.gauges.layout import GaugeLayout
 from builder.vehicle.map_needs import why_linear
-from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
@@ -183,7 +183,7 @@ def placement_study(
     if not vehicle.is_of_revolution:
         solid = structure_case(vehicle, [vehicle.gauges.layout])
         case = solid
-    elif not isinstance(surface, SurfaceGrid) or vehicle.structure.model != "fourier":
+    elif grid_of(surface) is None or vehicle.structure.model != "fourier":
         raise InputError(
             "place: expected structure.model = 'fourier' of a body of revolution, whose inner surface takes the "
             f"gauges, got model '{vehicle.structure.model}'"
@@ -207,8 +207,9 @@ def placement_study(
         sensors=counted_sensors(vehicle.sensors, surface, basis),
     )
     if case is None:
-        assert isinstance(surface, SurfaceGrid)
-        strain = fourier_strain(vehicle, surface, basis, everything.gauges, progress)
+        stations = grid_of(surface)
+        assert stations is not None
+        strain = fourier_strain(vehicle, stations, basis, everything.gauges, progress)
     else:
         placed = everything.gauges
         length = float(case.layouts[vehicle.gauges.layout].length[0])

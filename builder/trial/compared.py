@@ -29,7 +29,7 @@ from typing import Any
 
 import numpy as np
 
-from builder.aero.surface.mesh import mesh_of
+from builder.aero.surface.mesh import grid_of, mesh_of
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
 from builder.inverse.problem import AnyStructure
@@ -44,7 +44,6 @@ from builder.truth.revolution.flow_table import FlowTable, ratio_at, truth_surfa
 from builder.truth.shape import at_conditions, on_nodes
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map.options import MapEntry
-from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, pressure_and_temperature
 from strainfmu.errors import InputError
@@ -174,9 +173,10 @@ class ComparedWorld(World):
             assert flows is not None
             return on_nodes(flows, mesh_of(surface))
         assert isinstance(self.flows, FlowTable)
-        assert isinstance(surface, SurfaceGrid)
-        weights = station_weights(truth_surface(self.vehicle).x, surface.x)
-        ratio = ratio_at(self.flows, conditions, surface.roll_angle, weights)
+        grid = grid_of(surface)
+        assert grid is not None
+        weights = station_weights(truth_surface(self.vehicle).x, grid.x)
+        ratio = ratio_at(self.flows, conditions, grid.roll_angle, weights)
         return np.array([one.ambient_pressure for one in conditions])[:, None] * ratio
 
     def learned(self, case: Case, kind: str, with_mach: bool) -> EstimateReadings:

@@ -23,16 +23,15 @@ from builder.aero.loads.sections import (
     section_operator,
     whole_surface,
 )
-from builder.aero.surface.mesh import SurfaceMesh, mesh_of
+from builder.aero.surface.mesh import Surface, SurfaceMesh, mesh_of
 from builder.vehicle.map.options import MapEntry, Region
-from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.sensors import HingeLines
 from strainfmu.estimator.other_loads import BENDING, BODY, FAMILIES, HINGES, SECTIONS, LoadFamily
 
 
-def hinge_operator(surface: SurfaceGrid | SurfaceMesh, entry: MapEntry) -> FloatArray:
+def hinge_operator(surface: Surface, entry: MapEntry) -> FloatArray:
     """Return (n, n_p) the hinge moments of ``entry`` per nodal pressure [m3].
 
     Each is t . integral of (r - a) x (-p n) dS over the region, n outward, a and t point and direction of the
@@ -86,9 +85,6 @@ def _unit(direction: tuple[float, float, float]) -> FloatArray:
     return unit
 
 
-Surface = SurfaceGrid | SurfaceMesh
-
-
 @dataclass(frozen=True)
 class _Asked:
     """How a family is asked for.
@@ -129,8 +125,7 @@ def other_load_operator(surface: Surface, entry: MapEntry, moment_station: float
     """
     rows = [_ASKED[family].rows(surface, entry, moment_station) for family in FAMILIES]
     operator = np.concatenate(rows)
-    is_zero = isinstance(surface, SurfaceGrid) and len(operator) == len(BODY.loads)
-    return operator[:0] if is_zero else operator
+    return operator if len(operator) > len(BODY.loads) or operator.any() else operator[:0]
 
 
 def other_load_fields(entry: MapEntry) -> dict[str, Any]:

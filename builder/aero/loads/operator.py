@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from builder.aero.surface.mesh import SurfaceMesh, mesh_load_operator
+from builder.aero.surface.mesh import Surface, grid_of, mesh_load_operator, mesh_of
 from builder.vehicle.shape.geometry import SurfaceGrid
 from builder.vehicle.shape.shape_entries import ReferenceQuantities
 from strainfmu.arrays import FloatArray
@@ -52,11 +52,12 @@ def load_operator(grid: SurfaceGrid, moment_station: float, ahead_of: float = np
     return step * np.stack([row.ravel() for row in rows])
 
 
-def load_operator_on(surface: SurfaceGrid | SurfaceMesh, moment_station: float) -> FloatArray:
+def load_operator_on(surface: Surface, moment_station: float) -> FloatArray:
     """Return the loads per nodal pressure, (5, n) [m2, m2, m2, m3, m3], on a grid or on triangles."""
-    if isinstance(surface, SurfaceGrid):
-        return load_operator(surface, moment_station)
-    return mesh_load_operator(surface, moment_station)
+    grid = grid_of(surface)
+    if grid is not None:
+        return load_operator(grid, moment_station)
+    return mesh_load_operator(mesh_of(surface), moment_station)
 
 
 def coefficient_scale(dynamic_pressure: float, reference: ReferenceQuantities) -> FloatArray:

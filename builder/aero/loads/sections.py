@@ -16,9 +16,8 @@ from typing import Any
 import numpy as np
 
 from builder.aero.loads.operator import load_operator
-from builder.aero.surface.mesh import SurfaceMesh
+from builder.aero.surface.mesh import Surface, SurfaceMesh, grid_of, mesh_of
 from builder.vehicle.map.options import MapEntry
-from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.sensors import HingeLines
@@ -110,43 +109,45 @@ def six_loads(mesh: SurfaceMesh, moment_station: float, ahead_of: float = np.inf
     return np.stack([total[:, 0], total[:, 2], total[:, 1], total[:, 4], -total[:, 5], -total[:, 3]])
 
 
-def rolling_operator(surface: SurfaceGrid | SurfaceMesh, moment_station: float) -> FloatArray:
-    """Return (1, n) the rolling moment per nodal pressure [m3]; zero of a body of revolution, as every pressure
-    acts through the axis."""
-    if isinstance(surface, SurfaceGrid):
-        return np.zeros((1, surface.n_nodes))
-    return six_loads(surface, moment_station)[5:]
+def loads_ahead_of(surface: Surface, moment_station: float, ahead_of: float = np.inf) -> FloatArray:
+    """Return the rows of :func:`six_loads` of any surface.
+
+    The rolling moment of a body of revolution is zero, as every pressure acts through the axis.
+    """
+    grid = grid_of(surface)
+    if grid is None:
+        return six_loads(mesh_of(surface), moment_station, ahead_of)
+    return np.vstack([load_operator(grid, moment_station, ahead_of), np.zeros((1, grid.n_nodes))])
+
+
+def rolling_operator(surface: Surface, moment_station: float) -> FloatArray:
+    """Return (1, n) the rolling moment per nodal pressure [m3]."""
+    return loads_ahead_of(surface, moment_station)[5:]
 
 
 def section_operator(
-    surface: SurfaceGrid | SurfaceMesh, stations: Sequence[float], entry: str = "map.section_stations_m"
+    surface: Surface, stations: Sequence[float], entry: str = "map.section_stations_m"
 ) -> FloatArray:
     """Return (6 n_s, n) the loads of sections at n_s ``stations`` per nodal pressure [m2, m3], load by load.
 
     ``entry`` of the vehicle file states them.
-
-    Torsions of a body of revolution are zero, as every pressure acts through the axis.
 
     Raises
     ------
     InputError
         A station lies outside the body.
     """
-    x = surface.x if isinstance(surface, SurfaceGrid) else surface.point[:, 0]
+    x = mesh_of(surface).point[:, 0]
     low, high = float(x.min()), float(x.max())
     for station in stations:
         if not low < station <= high:
             raise InputError(f"{entry}: expected {low:g} to {high:g} m, got {station:g}")
-    if isinstance(surface, SurfaceGrid):
-        torsion = np.zeros((1, surface.n_nodes))
-        sections = [np.vstack([load_operator(surface, x, x), torsion]) for x in stations]
-    else:
-        sections = [six_loads(surface, x, x) for x in stations]
-    by_kind = np.array(sections).reshape(len(stations), 6, surface.n_nodes).swapaxes(0, 1)
+    sections = np.array([loads_ahead_of(surface, station, station) for station in stations])
+    by_kind = sections.reshape(len(stations), 6, surface.n_nodes).swapaxes(0, 1)
     return by_kind.reshape(6 * len(stations), surface.n_nodes)
 
 
-def bending_operator(surface: SurfaceGrid | SurfaceMesh, entry: MapEntry) -> FloatArray:
+def bending_operator(surface: Surface, entry: MapEntry) -> FloatArray:
     """Return (n, n_p) the bending moments of ``entry`` per nodal pressure [m3].
 
     Raises

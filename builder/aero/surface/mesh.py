@@ -122,7 +122,16 @@ def mesh_of_grid(grid: SurfaceGrid) -> SurfaceMesh:
     return SurfaceMesh(point, np.concatenate([low, high]).astype(np.int64))
 
 
-def mesh_of(surface: SurfaceGrid | SurfaceMesh) -> SurfaceMesh:
+Surface = SurfaceGrid | SurfaceMesh
+"""Carries pressure at its nodes: stations times roll angles of a body of revolution, or triangles of any shape."""
+
+
+def grid_of(surface: Surface) -> SurfaceGrid | None:
+    """Return the stations and roll angles of a body of revolution; None of triangles."""
+    return surface if isinstance(surface, SurfaceGrid) else None
+
+
+def mesh_of(surface: Surface) -> SurfaceMesh:
     """Return the triangles of a grid; a mesh as it is."""
     return mesh_of_grid(surface) if isinstance(surface, SurfaceGrid) else surface
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection
 
+from builder.aero.surface.mesh import grid_of
 from builder.structure.as_built.as_built_vehicle import AsBuilt, Counts, Key, as_drawn, parameter_derivatives
 from builder.structure.as_built.displaced_structure import KNOWN, DisplacedGauges, ways_of
 from builder.structure.as_built.revolved import SOLVED, RevolvedStructure, revolved_structure
@@ -13,7 +14,6 @@ from builder.structure.fourier.fourier_model import StructuralModel, structural_
 from builder.structure.mapped_structure import MappedStructure
 from builder.structure.solid.gauge_layouts import displaced_name
 from builder.vehicle.file import Vehicle
-from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 
@@ -109,12 +109,12 @@ def _wall_derivatives(
     InputError
         The body is not one of revolution that is clamped aft, and an error is another than the thickness.
     """
-    surface = structure.surface
+    grid = grid_of(structure.surface)
     beyond = next((kind for kind, _ in keys if kind not in KNOWN), None)
-    if isinstance(surface, SurfaceGrid) and not (structure.is_external and beyond is None):
+    if grid is not None and not (structure.is_external and beyond is None):
         inside = _with_points_inside(vehicle, layout)
         try:
-            model = structural_model_on(inside, surface, vehicle.resolution.map, [layout])
+            model = structural_model_on(inside, grid, vehicle.resolution.map, [layout])
             return _derivatives(of_model(inside, model, layout, keys), keys)
         except InputError:
             if beyond is not None:

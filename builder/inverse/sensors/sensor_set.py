@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from builder.aero.loads.operator import load_operator_on
-from builder.aero.surface.mesh import SurfaceMesh
+from builder.aero.surface.mesh import Surface, grid_of
 from builder.inverse.modes.ensemble import Ensemble
 from builder.inverse.noise.hardware_errors import HardwareError, error_terms, rms_ambient_pressure
 from builder.inverse.noise.model import NoiseTerm, common_error, gauge_noise, nuisance_modes
@@ -23,8 +23,6 @@ from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.sensors import STRAIN, SensorRows
 from strainfmu.estimator.signal_names import FORCE, MOMENT, THRUST
-
-Surface = SurfaceGrid | SurfaceMesh
 
 _COMPONENTS = ("axial", "normal", "side", "pitch", "yaw")
 _AXES = {
@@ -144,14 +142,15 @@ def surface_rows(entry: Sensors, surface: Surface) -> list[SensorRow]:
 
 
 def _ports(entry: Ports, surface: Surface) -> list[SensorRow]:
-    if not isinstance(surface, SurfaceGrid):
+    grid = grid_of(surface)
+    if grid is None:
         raise InputError("sensors.ports: expected a surface of stations and roll angles, got a triangulated one")
-    if not surface.x[0] <= entry.x_m <= surface.x[-1]:
-        raise InputError(f"sensors.ports.x_m: expected {surface.x[0]:g} to {surface.x[-1]:g} m, got {entry.x_m:g}")
+    if not grid.x[0] <= entry.x_m <= grid.x[-1]:
+        raise InputError(f"sensors.ports.x_m: expected {grid.x[0]:g} to {grid.x[-1]:g} m, got {entry.x_m:g}")
     rows = []
     for degrees in entry.roll_deg:
         roll = np.deg2rad(degrees)
-        radius = float(np.interp(entry.x_m, surface.x, surface.radius))
+        radius = float(np.interp(entry.x_m, grid.x, grid.radius))
         around = np.array([np.sin(roll), np.cos(roll)])
         rows.append(
             SensorRow(
@@ -160,7 +159,7 @@ def _ports(entry: Ports, surface: Surface) -> list[SensorRow]:
                 unit="Pa",
                 position=np.array([entry.x_m, *(radius * around)]),
                 direction=np.array([0.0, *around]),
-                operator=port_row(surface, entry.x_m, roll),
+                operator=port_row(grid, entry.x_m, roll),
                 std=entry.std_Pa,
                 largest=entry.range_Pa,
                 gain=0.01 * entry.gain_percent,

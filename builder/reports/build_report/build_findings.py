@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from builder.aero.surface.mesh import SurfaceMesh, mesh_of
+from builder.aero.surface.mesh import SurfaceMesh, grid_of, mesh_of
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.noise.model import NoiseTerm
 from builder.inverse.problem import AnyStructure, inverse_problem
@@ -32,7 +32,6 @@ from builder.structure.observability import (
 )
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map.model_form import model_form, model_form_percent, without_model_form
-from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import InverseMap
@@ -115,11 +114,10 @@ def build_report(
     solution = solve(problem)
     if not _same(solution, inverse_map):
         raise InputError(f"report: the map of {inverse_map.vehicle} was not built from these snapshots and gauges")
-    grid = structure.surface
-    surface = mesh_of(grid)
-    observed = prior_observability(problem, solution, grid)
+    surface, grid = mesh_of(structure.surface), grid_of(structure.surface)
+    observed = prior_observability(problem, solution, structure.surface)
     sources = coefficient_sources(inverse_map, problem, solution)
-    response = _response(problem.strain_operator, surface, grid.n_roll if isinstance(grid, SurfaceGrid) else None)
+    response = _response(problem.strain_operator, surface, None if grid is None else grid.n_roll)
     numerical = None
     if inverse_map.manifold is not None:
         numerical = _tables_without_model_form(vehicle, snapshots, structure, problem, nuisance)
@@ -140,7 +138,7 @@ def build_report(
         model_form_percent=model_form_percent(vehicle.map, vehicle.noise),
         coefficients=sources,
         gauges=gauge_value(inverse_map),
-        gamma=gamma_choice(inverse_map, problem, solution, grid),
+        gamma=gamma_choice(inverse_map, problem, solution, structure.surface),
         flight=flight_accuracy(inverse_map),
         origin=origin_of(files),
         excluded=exclusions(vehicle, snapshots.engine),

@@ -6,7 +6,7 @@ import numpy as np
 from scipy import sparse
 
 from builder.aero.mapping.mirrors import mirror_operator
-from builder.aero.surface.mesh import SurfaceMesh
+from builder.aero.surface.mesh import Surface, grid_of, mesh_of
 from builder.structure.observability import SYMMETRIES
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
@@ -14,14 +14,15 @@ from strainfmu.arrays import FloatArray
 Mirrors = tuple[sparse.csr_array, sparse.csr_array]
 
 
-def mirror_operators(surface: SurfaceGrid | SurfaceMesh) -> Mirrors | None:
+def mirror_operators(surface: Surface) -> Mirrors | None:
     """Return sparse (n_p, n_p) M_y, M_z: (M_y p)(x, y, z) = p(x, -y, z). None where the surface is not symmetric.
 
     A grid always is symmetric. On other surfaces the value is the closest point's.
     """
-    if isinstance(surface, SurfaceGrid):
-        return grid_mirrors(surface)
-    of_y, of_z = (mirror_operator(surface, axis) for axis in (1, 2))
+    grid = grid_of(surface)
+    if grid is not None:
+        return grid_mirrors(grid)
+    of_y, of_z = (mirror_operator(mesh_of(surface), axis) for axis in (1, 2))
     return None if of_y is None or of_z is None else (of_y, of_z)
 
 
