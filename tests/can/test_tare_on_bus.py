@@ -33,7 +33,7 @@ from strainfmu.files import write_bytes_atomically
 NAMES = [f"G{i}" for i in range(N_GAUGES)]
 ZERO = 1e-6 * np.array([180.0, -95.0, 240.0, -160.0, 20.0, 310.0])
 NOISE = 5e-7
-WINDOW = 100
+WINDOW = 64
 QUANTUM = 0.25e-6
 
 
@@ -109,7 +109,7 @@ def test_zeros_are_taken_at_rest_and_used_in_flight(
     key = tmp_path / "bus.key"
     write_bytes_atomically(key, bytes(range(16)).hex().encode(), is_private=True)
     secured = {"key_file": key} if profile == "fd64-sec" else {}
-    samples = at_rest(150) + in_flight(60)
+    samples = at_rest(100) + in_flight(60)
     live = Run(synthetic, tmp_path, samples, f"tare-{profile}", profile=profile, **secured)
     assert len(live.having(Cause.TARE_RUNNING)) == WINDOW - 1
     assert len(live.having(Cause.ZEROS_TAKEN)) == 10
@@ -144,9 +144,9 @@ def test_zeros_are_taken_at_rest_and_used_in_flight(
     ("samples", "why"),
     [
         (in_flight(60), "loads are not known: dynamic pressure is 9e+04 Pa"),
-        (at_rest(150, float("nan")), "loads are not known: no dynamic pressure on the bus"),
-        (at_rest(150, G2=2e-5), "readings drift: gauge 'G2'"),
-        ([*at_rest(60), *in_flight(60)], "loads are not known: dynamic pressure is 9e+04 Pa"),
+        (at_rest(100, float("nan")), "loads are not known: no dynamic pressure on the bus"),
+        (at_rest(100, G2=2e-5), "readings drift: gauge 'G2'"),
+        ([*at_rest(40), *in_flight(40)], "loads are not known: dynamic pressure is 9e+04 Pa"),
     ],
 )
 def test_refused_while_loads_are_not_known(
@@ -165,7 +165,7 @@ def test_strain_of_known_loads_is_taken_off(synthetic: SyntheticFiles, tmp_path:
     weight = 1e-6 * np.array([20.0, -20.0, 5.0, 0.0, -7.0, 11.0])
     path = tmp_path / "known.toml"
     write_zeros(path, NAMES, GaugeZeros(value=weight, std=0.02 * np.abs(weight)), {})
-    samples = at_rest(130)
+    samples = at_rest(100)
     for sample in samples:
         sample.strain[:] += weight
     run = Run(synthetic, tmp_path, samples, "tare-known", tare_known=path)
@@ -196,10 +196,10 @@ def test_what_shows_a_pressure_is_told_of_zeros(synthetic: SyntheticFiles, tmp_p
 
 def test_without_a_command_or_the_option_nothing_happens(synthetic: SyntheticFiles, tmp_path: Path) -> None:
     of_tare = Cause.TARE_RUNNING | Cause.TARE_REFUSED | Cause.ZEROS_TAKEN
-    quiet = Run(synthetic, tmp_path, at_rest(60), "tare-quiet", tare_at=None)
+    quiet = Run(synthetic, tmp_path, at_rest(30), "tare-quiet", tare_at=None)
     # A request that is on the bus from the start is of an earlier time.
-    early = Run(synthetic, tmp_path, at_rest(60), "tare-early", tare_at=0.0)
-    other = Run(synthetic, tmp_path, at_rest(60), "tare-other", is_allowed=False)
+    early = Run(synthetic, tmp_path, at_rest(30), "tare-early", tare_at=0.0)
+    other = Run(synthetic, tmp_path, at_rest(30), "tare-other", is_allowed=False)
     for run in (quiet, early, other):
         assert run.having(of_tare) == []
         assert not run.zeros.exists()
@@ -282,7 +282,7 @@ def test_wrong_options_are_one_line(
 
 
 def test_a_gauge_that_does_not_read_gets_no_zero(synthetic: SyntheticFiles, tmp_path: Path) -> None:
-    samples = at_rest(150)
+    samples = at_rest(100)
     for sample in samples:
         sample.strain[1] = np.nan
     run = Run(synthetic, tmp_path, samples, "tare-dead")

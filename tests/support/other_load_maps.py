@@ -123,21 +123,3 @@ def with_further_tables(held: InverseMap) -> InverseMap:
         factors[rows[load], 1, phase] = sizes[load]
     errors = 1e-2 * factors.reshape(M, -1) @ random.normal(size=(6, manifold.error_strain.shape[1]))
     return with_own_further(held, _with_tables(manifold, table_coefficients(factors), 1.0 + np.arange(M), errors))
-
-
-def check_further(ours: np.ndarray, theirs: np.ndarray, tolerance: float = 1e-12) -> None:
-    """Assert that outputs of other loads at :data:`STATIONS` agree, relative to the largest of their kind.
-
-    A small one is a difference of large terms.
-    """
-    k = len(STATIONS)
-    forces, moments = 4 + np.arange(3 * k), 4 + np.arange(3 * k, 6 * k)
-    for group in (forces, np.append(moments, 2), forces + 6 * k, np.append(moments + 6 * k, 3)):
-        if np.isfinite(theirs[group]).all():
-            scale = np.abs(theirs[group]).max()
-            np.testing.assert_allclose(ours[group], theirs[group], rtol=0.0, atol=tolerance * scale)
-        else:
-            assert np.array_equal(ours[group], theirs[group], equal_nan=True)
-    if np.isfinite(theirs[:4]).all() and theirs[2] != 0.0:
-        largest = np.abs(theirs[[0, 1]]) * np.abs(theirs[np.append(moments, 2)]).max() / abs(theirs[2])
-        assert np.all(np.abs(ours[:2] - theirs[:2]) <= tolerance * largest)
