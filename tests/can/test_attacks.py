@@ -11,6 +11,7 @@ from collections import Counter
 import numpy as np
 import pytest
 from attacked_bus import KINDS, LONG_KINDS, PERIOD, Act, Found, campaign, drawn, run_scenario
+from sweeps import sweep
 
 FOREIGN = frozenset({"foreign first", "foreign behind", "second sender"})
 
@@ -50,9 +51,11 @@ def test_what_once_was_wrong(profile: str, seed: int, what: str) -> None:
     assert_nothing_false(found)
 
 
-@pytest.mark.parametrize("profile", PROFILES)
-@pytest.mark.parametrize("kind", [*KINDS, *LONG_KINDS])
-def test_one_kind_of_fault(profile: str, kind: str) -> None:
+EACH = [(kind, profile) for kind in (*KINDS, *LONG_KINDS) for profile in PROFILES]
+
+
+@pytest.mark.parametrize(("kind", "profile"), sweep(EACH, [EACH[3 * k + k % 3] for k in range(len(EACH) // 3)]))
+def test_one_kind_of_fault(kind: str, profile: str) -> None:
     """A seed for each profile, pauses of two minutes at most; the slow campaign has more and longer ones."""
     seed, largest = PROFILES.index(profile), 0.3 if "pause" in kind else 1.0
     random = np.random.default_rng((seed, 5))

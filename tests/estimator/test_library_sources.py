@@ -85,6 +85,7 @@ def test_of_other_sources_a_library_is_made_once(
     assert first != second
 
 
+@pytest.mark.slow
 def test_an_edited_rule_of_health_is_what_python_says(tmp_path: Path, cache: Path) -> None:
     """A copy of the checkout in which health_state says SUSPECT: an estimate of a new interpreter is SUSPECT."""
     for part in ("strainfmu", "fmus"):

@@ -15,6 +15,7 @@ from fmu_carriers import Fmi2Host, Fmi3Host, by_fmu, python_host
 from inputs import Inputs, Results, recorded
 from kinds import KINDS, STREAMS, map_of_kind, tolerance_of
 from other_carriers import by_recording, by_step
+from sweeps import sweep
 
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
@@ -233,7 +234,7 @@ def test_a_time_constant_that_changes_in_flight(
     assert np.nanmax(np.abs(found["loads_std"][10:40] / fixed - 1.0)) > 0.001
 
 
-@pytest.mark.parametrize(("kind", "title", "mode"), BY_PYTHON)
+@pytest.mark.parametrize(("kind", "title", "mode"), sweep(BY_PYTHON, [("sensors", "flight", "filter")]))
 def test_python_fmu(kind: str, title: str, mode: str, sources: Callable[[str, str], Path], tmp_path: Path) -> None:
     one, inverse_map = recorded(kind)[title], map_of_kind(kind)
     fmu = python_host(inverse_map, sources(kind, "python.fmu"), tmp_path / "unzipped")
@@ -246,7 +247,12 @@ def test_python_fmu(kind: str, title: str, mode: str, sources: Callable[[str, st
 @pytest.mark.parametrize(
     ("kind", "name"),
     [
-        pytest.param(kind, name, id=f"{kind}-{name}", marks=pytest.mark.slow if kind in TWICE else ())
+        pytest.param(
+            kind,
+            name,
+            id=f"{kind}-{name}",
+            marks=pytest.mark.slow if kind in TWICE or (kind, source) == ("masses", "python.fmu") else (),
+        )
         for kind in BY_OTHERS
         for name, (_, source) in OTHERS.items()
         if source != "python.fmu" or kind in BY_OTHERS_IN_PYTHON

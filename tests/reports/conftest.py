@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import pytest
 from chromium import Browser
 from report_case import CASE_1, CASE_2, ReportCase, case_of, solved_vehicle
+from sweeps import sweep
 
 from builder.campaign.snapshots import Snapshots
 from builder.reports.build_report.build_findings import BuildReport, build_report
@@ -58,6 +59,13 @@ def html(page: Page) -> str:
     return page_html(page)
 
 
+@pytest.fixture(scope="session", params=sweep(["case_1", "case_2"], ["case_2"]))
+def reported(request: pytest.FixtureRequest) -> ReportCase:
+    """The case of a report, which takes seconds."""
+    found: ReportCase = request.getfixturevalue(request.param)
+    return found
+
+
 @pytest.fixture(scope="session")
-def report(case: ReportCase) -> BuildReport:
-    return build_report(case.vehicle, case.snapshots, case.structure, case.inverse_map)
+def report(reported: ReportCase) -> BuildReport:
+    return build_report(reported.vehicle, reported.snapshots, reported.structure, reported.inverse_map)

@@ -154,9 +154,9 @@ def test_modes_that_went_are_named_as_in_the_build(report: BuildReport, html: st
         assert len(states) == len(report_tables(report)["modes"].rows)
 
 
-def test_tables_say_what_the_map_says(case: ReportCase, report: BuildReport) -> None:
+def test_tables_say_what_the_map_says(reported: ReportCase, report: BuildReport) -> None:
     """Sigma, 3 sigma and range of each coefficient; fractions add up to 100 %; every gauge has its row."""
-    tables, one = report_tables(report), case.inverse_map
+    tables, one = report_tables(report), reported.inverse_map
     area, length, q = one.reference_area, one.reference_length, one.nominal_dynamic_pressure
     std = np.sqrt(np.diag(load_covariance(one))) / (q * area * np.array([1, 1, 1, length, length]))
     for i, row in enumerate(tables["coefficients"].rows):
@@ -293,8 +293,8 @@ def test_what_is_excluded_follows_the_noise_section(parts: Parts) -> None:
     assert "newtonian" in excluded()
 
 
-def test_further_sensors_have_a_table_in_their_units(case: ReportCase, report: BuildReport) -> None:
-    one = case.inverse_map
+def test_further_sensors_have_a_table_in_their_units(reported: ReportCase, report: BuildReport) -> None:
+    one = reported.inverse_map
     n, scale = one.n_gauges - 2, np.array([4e8, 2e6])
     rows = SensorRows(
         kind=(*(STRAIN,) * n, "pressure", "force"),
@@ -305,7 +305,7 @@ def test_further_sensors_have_a_table_in_their_units(case: ReportCase, report: B
     )
     held = replace(one, sensors=rows)
     assert "sensors" not in report_tables(report)
-    tables = report_tables(build_report(case.vehicle, case.snapshots, case.structure, held))
+    tables = report_tables(build_report(reported.vehicle, reported.snapshots, reported.structure, held))
     assert [row[0] for row in tables["gauges"].rows] == list(one.gauge_names[:n])
     assert [row[:3] for row in tables["sensors"].rows] == [
         (one.gauge_names[n], "pressure", "Pa"),

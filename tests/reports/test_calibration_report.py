@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from drawn_tests import blank_test
 from page_checks import read_page
+from sweeps import sweep
 
 from builder.calibration.after_test.calibrated_map import calibrated_structure
 from builder.calibration.estimate.check_loads import check_loads, cross_validation
@@ -245,7 +246,8 @@ def test_steps_show_hysteresis_and_return_to_zero(found: Estimate, worth: WorthO
 
 
 @pytest.mark.parametrize(
-    ("missing", "said"), [("", ""), ("reportlab", "without PDF, "), ("matplotlib", "without figures and PDF, ")]
+    ("missing", "said"),
+    sweep([("", ""), ("reportlab", "without PDF, "), ("matplotlib", "without figures and PDF, ")], [("", "")]),
 )
 def test_files_of_a_report_are_those_that_the_installed_packages_can_write(
     found: Estimate,

@@ -10,8 +10,6 @@ from report_case import CASE_1, CASE_2, ReportCase, case_of
 
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.solution import ordered_modes
-from builder.reports.build_report.build_findings import BuildReport
-from builder.reports.build_report.build_tables import report_tables
 from builder.reports.findings.coefficient_sources import OF_STATES, coefficient_sources
 from builder.reports.findings.gamma_choice import gamma_choice
 from builder.structure.fourier.fourier_model import StructuralModel
@@ -34,24 +32,6 @@ def test_causes_add_up_to_the_variance(case: ReportCase) -> None:
     by_hand = np.sqrt(np.diag(load_covariance(one))) / (q * area * np.array([1, 1, 1, length, length]))
     np.testing.assert_allclose(found.std, by_hand, rtol=1e-12)
     np.testing.assert_allclose(np.diag(found.correlation), 1.0)
-
-
-def test_sigma_without_sources(report: BuildReport) -> None:
-    """Without one source it is the root of the sum of the others, as in the table."""
-    found = report.coefficients
-    for k, name in enumerate(found.names):
-        others = np.delete(found.variance, k, axis=0).sum(axis=0)
-        scale = found.std.max()
-        np.testing.assert_allclose(found.std_without([name]), np.sqrt(others), rtol=1e-6, atol=1e-6 * scale)
-        row = report_tables(report)["sigmas_without"].rows[k]
-        assert row[0] == name
-        np.testing.assert_allclose(row[1:], found.std_without([name]))
-    last = report_tables(report)["sigmas_without"].rows[-1]
-    assert (last[0] == "all installation errors") == bool(found.hardware)
-    if found.hardware:
-        np.testing.assert_allclose(last[1:], found.std_without(found.hardware))
-    assert found.std_without(found.names) == pytest.approx(0.0, abs=1e-6 * found.std.max())
-    np.testing.assert_allclose(found.std_without([]), found.std)
 
 
 def test_truncated_modes_are_what_flying_them_does(case_1: ReportCase) -> None:

@@ -14,6 +14,7 @@ from clipping import set_width, show
 
 from builder.reports.build_report.build_findings import BuildReport
 from builder.reports.build_report.build_page import write_numbers
+from builder.reports.build_report.build_tables import report_tables
 from builder.reports.build_report.first_screen import UNMEASURED, WELL, first_screen
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 
@@ -91,6 +92,24 @@ def test_a_mode_that_is_hardly_removed_is_measured_badly(report: BuildReport) ->
     first = np.arange(len(removed)) == 0
     truncated = replace(weak, observability=replace(weak.observability, is_state=first))
     assert "it is no state of this map" in str(sentence(first_screen(truncated).badly, "POD mode 2,"))
+
+
+def test_sigma_without_sources(report: BuildReport) -> None:
+    """Without one source it is the root of the sum of the others, as in the table."""
+    found = report.coefficients
+    for k, name in enumerate(found.names):
+        others = np.delete(found.variance, k, axis=0).sum(axis=0)
+        scale = found.std.max()
+        np.testing.assert_allclose(found.std_without([name]), np.sqrt(others), rtol=1e-6, atol=1e-6 * scale)
+        row = report_tables(report)["sigmas_without"].rows[k]
+        assert row[0] == name
+        np.testing.assert_allclose(row[1:], found.std_without([name]))
+    last = report_tables(report)["sigmas_without"].rows[-1]
+    assert (last[0] == "all installation errors") == bool(found.hardware)
+    if found.hardware:
+        np.testing.assert_allclose(last[1:], found.std_without(found.hardware))
+    assert found.std_without(found.names) == pytest.approx(0.0, abs=1e-6 * found.std.max())
+    np.testing.assert_allclose(found.std_without([]), found.std)
 
 
 def test_what_helps_is_computed(report: BuildReport) -> None:

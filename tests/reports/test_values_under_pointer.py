@@ -109,9 +109,9 @@ def test_the_unrolled_body_shows_the_closest_node(report: BuildReport, page: Pag
         assert any(shown == pytest.approx(one, rel=1e-3) for one in expected)
 
 
-def test_mean_and_spread_at_the_nodes_are_those_of_the_ensemble(report: BuildReport, case: ReportCase) -> None:
+def test_mean_and_spread_at_the_nodes_are_those_of_the_ensemble(report: BuildReport, reported: ReportCase) -> None:
     """Over all flows of the map, rolled ones too; without weights the POD's standard deviation is over N - 1."""
-    ensemble = case.problem.ensemble
+    ensemble = reported.problem.ensemble
     members, weight = np.concatenate(list(ensemble.members())), ensemble.member_weight
     mean = weight @ members
     np.testing.assert_allclose(report.observability.node_mean, mean, rtol=1e-9)

@@ -79,6 +79,7 @@ def test_free_flight_carries_what_the_mass_behind_needs(tmp_path: Path) -> None:
     assert structure.statistics["solver"] != "cyclic"
 
 
+@pytest.mark.slow
 def test_stiff_foundation_is_a_clamp(clamped: Structure, tmp_path: Path) -> None:
     """Springs of 1e16 N/m3 on the ring. Soft ones, 1e11 N/m3, tilt and let the base widen: far from it uniform
     pressure gives the same strain (St. Venant), because the axial force is the same.

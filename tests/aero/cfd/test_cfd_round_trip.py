@@ -23,6 +23,7 @@ from imported_case import (
     manifest_text,
     table_on,
 )
+from sweeps import sweep
 
 from builder.campaign.field_export import export_snapshots
 from builder.campaign.snapshots import Snapshots
@@ -148,7 +149,7 @@ def test_rotation_and_free_stream_unit(snapshots: Snapshots, other_grid: Surface
     assert_same_loads(imported_ratio(tmp_path / "m.toml", other_grid, CONDITION), other_grid, snapshots)
 
 
-@pytest.mark.parametrize("where", ["node", "cell", "points"])
+@pytest.mark.parametrize("where", sweep(["node", "cell", "points"], ["node"]))
 def test_half_model(snapshots: Snapshots, other_grid: SurfaceGrid, tmp_path: Path, where: str) -> None:
     grid = snapshots.grid
     assert grid is not None

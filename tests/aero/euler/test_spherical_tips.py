@@ -8,6 +8,7 @@ from math import pi, radians
 import numpy as np
 import pytest
 from cone_theory import GAMMA, taylor_maccoll_pressure
+from sweeps import sweep
 
 from builder.aero.euler.bodies import body_march
 from builder.aero.euler.bodies.solver import FlowSolution, solve_flow, solve_full_flow
@@ -86,7 +87,9 @@ def test_mass_through_the_layer_is_what_the_shock_takes_in() -> None:
         assert through == pytest.approx(8.0 * pi * (shock * np.sin(theta)) ** 2, rel=1e-4)
 
 
-@pytest.mark.parametrize(("mach_number", "incidence_deg"), [(3.0, 4.0), (6.0, 0.0), (10.0, 12.0)])
+@pytest.mark.parametrize(
+    ("mach_number", "incidence_deg"), sweep([(3.0, 4.0), (6.0, 0.0), (10.0, 12.0)], [(3.0, 4.0)])
+)
 def test_force_of_the_wall_is_the_momentum_that_the_flow_lost(mach_number: float, incidence_deg: float) -> None:
     """From the stagnation point to the base: the cap's pressure, the cut and the march fit together."""
     flow = blunt_flow(mach_number, incidence_deg)
