@@ -172,7 +172,7 @@ def test_page_and_numbers_state_the_nonlinear_sigma(
     report: BuildReport, nonlinear_map: InverseMap, in_use: InUse, tmp_path: Path
 ) -> None:
     """In the first screen; sentences, figures and tables of the linear map alone are left out."""
-    if report.gamma is not None:
+    if report.gamma is None:
         pytest.skip("the first screen is made alike for both cases, and takes seconds to make")
     range_of = replace(in_use.coefficients, range=report.coefficients.range)
     growth = np.ones((report.inverse_map.n_gauges, 5))
