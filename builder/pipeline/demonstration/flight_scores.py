@@ -234,18 +234,16 @@ def left_out_parts(snapshots: Snapshots) -> list[LeftOut]:
         inside = flows[(flows[:, 1] < incidence[-1]) & np.isin(flows[:, 0], inner[0])]
         parts = [inside[first::5] for first in range(min(5, len(inside)))]
         return [part(f"part {i} of {len(parts)}", _rows(key, one)) for i, one in enumerate(parts, start=1)]
+    of_mach = [(f"M {one:g}", key[:, 0] == one) for one in inner[0]]
+    of_incidence = [(f"total incidence {degrees(one):.4g} deg", key[:, 1] == one) for one in inner[1]]
     named = [
-        [(f"M {one:g}", 0, one) for one in inner[0] if len(mach) > FEWEST_KNOTS],
-        [
-            (f"total incidence {degrees(one):.4g} deg", 1, one)
-            for one in inner[1]
-            if len(incidence) > FEWEST_KNOTS + 1
-        ],
+        of_mach if len(mach) > FEWEST_KNOTS else [],
+        of_incidence if len(incidence) > FEWEST_KNOTS + 1 else [],
     ]
     half = MOST_PARTS // 2
-    room = [max(half, MOST_PARTS - len(named[1])), max(half, MOST_PARTS - len(named[0]))]
+    room = [max(half, MOST_PARTS - len(other)) for other in reversed(named)]
     chosen = [_spread(one, count) for one, count in zip(named, room, strict=True)]
-    return [part(name, np.flatnonzero(key[:, axis] == value)) for one in chosen for name, axis, value in one]
+    return [part(name, np.flatnonzero(rows)) for one in chosen for name, rows in one]
 
 
 def _rows(key: FloatArray, flows: FloatArray) -> IntArray:
