@@ -106,7 +106,7 @@ def _errors(problem: Problem, solution: Solution) -> dict[str, Any]:
     common = [term for term in terms if term.scales and not term.is_own]
     n_gauges, n_loads = len(problem.strain_operator), len(problem.load_operator)
     columns = [np.zeros((n_gauges + n_loads, 0)), *(term.strain_and_load(n_loads) for term in common)]
-    strain, load = np.split(_fewest(np.hstack(columns), problem.noise[0].covariance), [n_gauges])
+    strain, load = np.split(fewest_columns(np.hstack(columns), problem.noise[0].covariance), [n_gauges])
     return {
         "gauge_covariance": fixed_covariance(terms),
         "own_error_strain": np.sqrt(np.sum(own, axis=0)) if own else np.zeros(0),
@@ -116,7 +116,7 @@ def _errors(problem: Problem, solution: Solution) -> dict[str, Any]:
     }
 
 
-def _fewest(columns: FloatArray, noise: FloatArray) -> FloatArray:
+def fewest_columns(columns: FloatArray, noise: FloatArray) -> FloatArray:
     """Return (n_d + n_f, k) columns with the covariance of ``columns`` (n_d + n_f, m).
 
     Their number does not grow with the gauges: what a column more would add is, of all gauges together, at most

@@ -12,6 +12,7 @@ from flight_maps import whole_map
 from inertia_maps import with_masses
 from random_map import N_GAUGES, N_STATES, map_of, random_map, random_model
 from state_estimates import state_gain, state_offset
+from synthetic_vehicle import synthetic_inverse_map
 
 from strainfmu import files
 from strainfmu.errors import InputError, StrainfmuError
@@ -348,3 +349,16 @@ def test_a_map_in_text_is_short() -> None:
         assert len(shown.splitlines()) <= 40
         assert f"state_operator {held.state_operator.shape}" in " ".join(shown.split())
         assert len(repr(held.sensors).splitlines()) <= 5
+
+
+def test_files_grow_with_the_gauges_not_with_their_square(tmp_path: Path) -> None:
+    """Own errors are one number a gauge, and a covariance of mostly zeros is packed: 512 gauges take twice 256."""
+    size = {}
+    for n in (256, 512):
+        held = replace(synthetic_inverse_map(n_gauges=n), own_error_strain=np.linspace(1e-7, 2e-7, n))
+        save_inverse_map(held, tmp_path / "map.h5")
+        size[n] = (tmp_path / "map.h5").stat().st_size
+        again = load_inverse_map(tmp_path / "map.h5")
+        np.testing.assert_array_equal(again.gauge_covariance, held.gauge_covariance)
+        np.testing.assert_array_equal(again.own_error_strain, held.own_error_strain)
+    assert size[512] < 2.2 * size[256]
