@@ -65,9 +65,8 @@ def test_a_grid_loses_whole_rows_and_columns() -> None:
     found = held_out.left_out_parts(at(*map(tuple, flows)))
     assert len(found) == 5
     rows = np.concatenate([one.rows for one in found])
-    assert (
-        len(set(rows.tolist())) == len(rows) == 37
-    )  # but the ends of the Mach numbers, and the largest incidence
+    # But the ends of the Mach numbers, and the largest incidence.
+    assert len(set(rows.tolist())) == len(rows) == 37
     assert held_out.left_out_parts(at((4.0, 0.0), (5.0, 0.0), (4.0, 3.0), (5.0, 3.0))) == []
 
 

@@ -148,10 +148,8 @@ def cone() -> ComparedWorld:
 def test_estimators_are_scored_with_rolling_moment_field_and_air_data(cone: ComparedWorld, stated: float) -> None:
     names = ["linear Case 2", NONLINEAR, "nonlinear, q_inf only", "nonlinear, M and p_inf only", "Kalman filter"]
     how = {"over_time": {"steps": 5}, "air": {"drawn": True}, "tenths_by": ["mach_number"]}
-    case, plan = (
-        Case(error="any", group="alone", built=Built(stated=stated), **how),
-        Plan(vehicles=2, estimators=names),
-    )
+    case = Case(error="any", group="alone", built=Built(stated=stated), **how)
+    plan = Plan(vehicles=2, estimators=names)
     linear, nonlinear, without_air, without_q, filtered = (
         {row["load"]: row for row in rows}
         for rows in scored(cone, case, plan, make_estimators=compared_estimators).values()
