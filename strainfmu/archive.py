@@ -12,6 +12,9 @@ from strainfmu.files import write_bytes_atomically
 
 _ZIP_TIME = (1980, 1, 1, 0, 0, 0)  # the earliest a zip can hold, so that equal content gives equal bytes
 
+LEVEL = 6
+"""Of compression: 9 takes twice as long and makes an FMU 0.3 % smaller."""
+
 LARGEST_UNPACKED = 10**9
 """Size of all entries of an archive [bytes] beyond which none is unpacked: a hundred large FMUs."""
 
@@ -51,7 +54,7 @@ def write_archive(path: Path, entries: Mapping[str, bytes]) -> None:
 def _zip(entries: Mapping[str, bytes]) -> bytes:
     """Return a deflated zip whose bytes depend on ``entries`` alone."""
     image = io.BytesIO()
-    with zipfile.ZipFile(image, "w", zipfile.ZIP_DEFLATED) as archive:
+    with zipfile.ZipFile(image, "w", zipfile.ZIP_DEFLATED, compresslevel=LEVEL) as archive:
         for name in sorted(entries):
             entry = zipfile.ZipInfo(name.replace("\\", "/"), _ZIP_TIME)
             entry.compress_type = zipfile.ZIP_DEFLATED

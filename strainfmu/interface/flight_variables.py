@@ -50,7 +50,11 @@ def flight_interface(
     names of strains and flags.
     """
     variables = (*linear, *_navigation_inputs(manifold), *_air_data(manifold))
-    return tuple(_of_flight_state(one, manifold, gauges) for one in variables)
+    texts = {one.name: _text(one, manifold) for one in AIR_INPUTS} | _FLIGHT_TEXT
+    return tuple(
+        _of_flight_state(replace(one, description=texts.get(one.name, one.description)), manifold, gauges)
+        for one in variables
+    )
 
 
 def flight_outputs(estimate: Estimate) -> list[float]:
@@ -192,10 +196,8 @@ _FLIGHT_TEXT: dict[str, str] = {
 """Descriptions that differ for a map with tables over the flight state."""
 
 
-def _of_flight_state(variable: Variable, manifold: ManifoldMap, gauges: tuple[str, ...]) -> Variable:
-    """Return ``variable`` as a map with tables has it: every output depends on all gauges and navigation."""
-    texts = {one.name: _text(one, manifold) for one in AIR_INPUTS} | _FLIGHT_TEXT
-    one = replace(variable, description=texts.get(variable.name, variable.description))
+def _of_flight_state(one: Variable, manifold: ManifoldMap, gauges: tuple[str, ...]) -> Variable:
+    """Return a variable as a map with tables has it: every output depends on all gauges and navigation."""
     if one.name == ENVELOPE_SCORE:
         one = replace(one, description=f"{one.description}; OUTSIDE above {manifold.outside_score:g}")
     if one.name == DYNAMIC_PRESSURE:

@@ -7,6 +7,7 @@ import re
 import uuid
 from collections.abc import Mapping, Sequence
 from dataclasses import astuple, dataclass, field
+from functools import cached_property
 
 from strainfmu.errors import InputError
 from strainfmu.files import build_time, stated_time
@@ -82,7 +83,7 @@ class FmuDescription:
         """The number of each variable by name."""
         return value_references(self.interface) if self.numbers is None else self.numbers
 
-    @property
+    @cached_property
     def guid(self) -> str:
         """A name-based UUID: equal content and interface give an equal guid, any change another one."""
         variables = [astuple(variable) for variable in self.interface]
