@@ -30,8 +30,8 @@ from builder.inverse.noise.thermal import (
 from builder.inverse.sensors.sensor_set import joined_errors, joined_terms, sensor_set
 from builder.inverse.solution import Problem
 from builder.structure.fourier.fourier_model import StructuralModel, structural_model_on
+from builder.structure.gauge_checks import gauges_in_use
 from builder.structure.mapped_structure import MappedStructure
-from builder.structure.solid.case import structure_case
 from builder.structure.solid.checks import ELEMENT_FRACTION
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
@@ -73,8 +73,7 @@ def check_noise(vehicle: Vehicle) -> None:
     InputError
         As :func:`gauge_noise_covariance` and :func:`builder.inverse.noise.gauges.nuisance_terms`.
     """
-    entry, layout = vehicle.noise, vehicle.gauges.layout
-    names = structure_case(vehicle, [layout]).layouts[layout].name
+    entry, names = vehicle.noise, gauges_in_use(vehicle).name
     gauge_covariance(entry, len(names), 1.0, vehicle.beside(""))
     reading_std(vehicle.recorder, len(names))
     if entry.nuisance_file is not None:

@@ -11,6 +11,7 @@ from builder.structure.fourier.wall_layup import TOUCHES, change_stations
 from builder.structure.gauge_placement import gauge_mesh
 from builder.structure.solid.case import structure_case
 from builder.structure.solid.gauge_layouts import solid_gauges
+from builder.structure.solid.gauge_rows import Gauges
 from builder.structure.solid.solid_model import check_gauges_on_mesh
 from builder.structure.wall import wall_of
 from builder.vehicle.file import Vehicle
@@ -38,15 +39,20 @@ def check_gauges(vehicle: Vehicle) -> dict[str, int]:
     return {name: len(layout.names) for name, layout in found.items()}
 
 
+def gauges_in_use(vehicle: Vehicle) -> Gauges:
+    """Return the gauges in use, each on its surface; errors as :func:`check_gauges`."""
+    name = vehicle.gauges.layout
+    if vehicle.is_of_revolution:
+        return solid_gauges(vehicle, name, gauge_mesh(vehicle))
+    return structure_case(vehicle, [name]).layouts[name]
+
+
 def gauge_roll_angles(vehicle: Vehicle) -> FloatArray:
     """Return (n_d,) the roll angles of the gauges in use [rad]; errors as :func:`check_gauges`."""
     name = vehicle.gauges.layout
-    if not vehicle.is_of_revolution:
-        position = structure_case(vehicle, [name]).layouts[name].position
-    elif vehicle.structure.model == "solid":
-        position = solid_gauges(vehicle, name, gauge_mesh(vehicle)).position
-    else:
+    if vehicle.is_of_revolution and vehicle.structure.model != "solid":
         return place_layouts(vehicle, gauge_mesh(vehicle), [name])[1][name].roll_angle
+    position = gauges_in_use(vehicle).position
     return np.arctan2(position[:, 1], position[:, 2])
 
 
@@ -58,7 +64,7 @@ def gauges_at_breaks(vehicle: Vehicle) -> Iterator[str]:
     if not vehicle.is_of_revolution:
         return
     name, length = vehicle.gauges.layout, vehicle.resolution.map.element_length_mm
-    wall, gauges = wall_of(vehicle), solid_gauges(vehicle, name, gauge_mesh(vehicle))
+    wall, gauges = wall_of(vehicle), gauges_in_use(vehicle)
     for station, of in sorted(change_stations(vehicle.body(), wall).items()):
         near = np.abs(gauges.position[:, 0] - station) <= 1e-3 * length + TOUCHES
         if near.any():
