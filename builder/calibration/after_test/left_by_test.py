@@ -33,7 +33,7 @@ large as it is; with 20 what it leaves of every coefficient is right within 9 %.
 PATTERNS = 5
 """Patterns over the flows of the error that each gauge has on its own."""
 
-BLOCK = 64
+BLOCK = 32
 """Gauges whose operators by all keys are in memory at once."""
 
 NEGLIGIBLE = 1e-12
