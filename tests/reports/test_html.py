@@ -165,3 +165,13 @@ def test_page_is_written_whole_or_not(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("in the way")
     with pytest.raises(StrainfmuError, match="could not be written"):
         write_page(example_page(), tmp_path / "file" / "page.html")
+
+
+def test_a_figure_is_drawn_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The layout is settled before, so that saving does not draw unseen for it."""
+    figure = blank_figure(2.0, 2.0)
+    figure.subplots().plot([0.0, 1.0])
+    draws, draw = list[object](), type(figure).draw
+    monkeypatch.setattr(type(figure), "draw", lambda self, *renderer: draws.append(draw(self, *renderer)))
+    picture(figure, "A line.", "A line.")
+    assert len(draws) == 1

@@ -153,8 +153,10 @@ class Arrow:
         """Return G (m, n_own) and H (m, c) of rows R (m, k): R A^-1 R' = G G' + H H'."""
         scale, of_all, root, _ = self._factors
         own = rows[:, self.of_gauges]
-        outer = (rows[:, self.of_all].toarray() - own @ self._inverse[1]) * of_all
-        of_common = solve_triangular(self._schur[0], outer.T, lower=True).T
+        outer = rows[:, self.of_all].toarray()
+        outer -= own @ self._inverse[1]
+        outer *= of_all
+        of_common = solve_triangular(self._schur[0], outer.T, lower=True, overwrite_b=True).T
         return (own @ self._by_blocks(scale[:, :, None] * root.transpose(0, 2, 1))).tocsr(), of_common
 
 
