@@ -140,7 +140,9 @@ class Arrow:
         found[np.ix_(of_all, of_all)] = common
         found[np.ix_(of_gauges, of_all)] = -beside
         found[np.ix_(of_all, of_gauges)] = -beside.T
-        found[np.ix_(of_gauges, of_gauges)] = self._by_blocks(self._inverse[0]).toarray() + beside @ slope.T
+        found[np.ix_(of_gauges, of_gauges)] = beside @ slope.T
+        own = self._by_blocks(self._inverse[0]).tocoo()
+        found[of_gauges[own.coords[0]], of_gauges[own.coords[1]]] += own.data
         return found
 
     def _by_blocks(self, blocks: FloatArray) -> csr_array:

@@ -62,7 +62,10 @@ class Estimate:
         """(n, n) what the readings say of the vector: one less covariance after over before the test."""
         std = self.model.std
         scale = np.divide(1.0, std, out=np.zeros_like(std), where=std > 0.0)
-        return np.asarray(np.diag(1.0 * (std > 0.0)) - scale[:, None] * self.covariance * scale)
+        learned = -scale[:, None] * self.covariance
+        learned *= scale
+        np.einsum("ii->i", learned)[:] += std > 0.0
+        return learned
 
     @cached_property
     def linear(self) -> GaussianModel:
@@ -221,7 +224,9 @@ def estimate(model: ReadingsModel, used: BoolArray, start: FloatArray | None = N
     after = model.readings(vector)
     left = (reading - after[used]) / noise
     full = np.zeros((len(vector), len(vector)))
-    full[np.ix_(free, free)] = model.std[free][:, None] * end.linear.covariance * model.std[free]
+    full[np.ix_(free, free)] = end.linear.covariance
+    full *= model.std[:, None]
+    full *= model.std
     return Estimate(
         model=model,
         vector=vector,

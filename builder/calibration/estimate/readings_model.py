@@ -118,14 +118,15 @@ class _Derivatives:
 
     def add(self, rows: IntArray, entries: ArrayLike, value: ArrayLike) -> None:
         """Add ``value`` to the derivatives of the readings ``rows`` by ``entries``, all broadcast together."""
-        self._parts.append([part.ravel() for part in np.broadcast_arrays(rows, entries, value)])
+        parts = np.broadcast_arrays(rows, entries, value)
+        some = np.nonzero(parts[2])
+        self._parts.append([part[some] for part in parts])
 
     def joined(self) -> csr_array:
         """Return the derivatives (n_cases n_d, n)."""
         rows, entries, value = (np.concatenate(parts) for parts in zip(*self._parts, strict=True))
-        some = value != 0.0
-        place = rows[some].astype(np.int64), entries[some].astype(np.int64)
-        return csr_array((value[some], place), shape=(self.rows.size, self.size))
+        place = rows.astype(np.int64), entries.astype(np.int64)
+        return csr_array((value, place), shape=(self.rows.size, self.size))
 
 
 def scaled_columns(rows: csr_array, by_column: FloatArray, by_row: FloatArray | None = None) -> csr_array:
