@@ -1,4 +1,4 @@
-"""The layout of ``map.bin`` for C: ``python -m strainfmu.estimator.resource.c_layout`` writes ``map_layout.h``.
+"""The layout of ``map.bin`` for C: ``python -m strainfmu.fmu.native.map_layout`` writes ``map_layout.h``.
 
 A part is read into one structure or several. The header has each group of arrays as one macro: of it C makes the
 members of a structure and the rows of the table by which ``map_read`` reads, checks and refuses them.
@@ -88,7 +88,7 @@ _OPENING = """\
 /* The arrays of map.bin, one a line: kind, member of the structure T of its group, name, what its values must be,
    rank, smallest and largest number, symbol that a length binds, shape or bounds of a length; meaning.
 
-   Written by python -m strainfmu.estimator.resource.c_layout, of the schema of a map: do not edit. container.h
+   Written by python -m strainfmu.fmu.native.map_layout, of the schema of a map: do not edit. container.h
    makes members of structures and rows of tables of it; map_read reads, checks and refuses by these. */
 
 #ifndef MAP_LAYOUT_H

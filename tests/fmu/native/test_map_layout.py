@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import pytest
 
-from strainfmu.estimator.resource.c_layout import HEADER, header
 from strainfmu.estimator.resource.map_file import LAYOUT
+from strainfmu.fmu.native.map_layout import HEADER, header
 
 pytestmark = pytest.mark.fast
 
 
 def test_the_header_for_c_is_of_the_schema() -> None:
-    assert HEADER.read_text(encoding="utf-8") == header(), "python -m strainfmu.estimator.resource.c_layout"
+    assert HEADER.read_text(encoding="utf-8") == header(), "python -m strainfmu.fmu.native.map_layout"
 
 
 def test_each_array_has_one_place_and_a_meaning() -> None:
