@@ -31,7 +31,7 @@ from builder.reporting import Reporter
 from builder.vehicle.conditions.flight_conditions import ConditionSet
 from builder.vehicle.file import Vehicle
 from builder.vehicle.shape.geometry import SurfaceGrid
-from builder.vehicle.shape.profile_record import profile_record
+from builder.vehicle.shape.profile_entries import profile_record
 from builder.vehicle.shape.shape_entries import ReferenceQuantities
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import FlowReachError, InputError, StrainfmuError

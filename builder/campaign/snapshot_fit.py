@@ -20,7 +20,7 @@ from builder.campaign.failures import failed_conditions
 from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.vehicle.file import Vehicle
 from builder.vehicle.shape.geometry import BodyOfRevolution
-from builder.vehicle.shape.profile_record import profile_misfits
+from builder.vehicle.shape.profile_entries import profile_misfits
 from builder.vehicle.toml.entry_limits import CLOSEST_VALUES
 from builder.workspace import Misfit
 from strainfmu.arrays import FloatArray

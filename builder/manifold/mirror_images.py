@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from builder.aero.mapping.mirrors import mirror_operator
+from builder.aero.mapping.pressure_map import mirror_operator
 from builder.aero.surface.mesh import SurfaceMesh
 from builder.campaign.snapshots import Snapshots
 from strainfmu.arrays import FloatArray

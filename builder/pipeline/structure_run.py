@@ -12,8 +12,8 @@ from builder.campaign.snapshots import load_snapshots
 from builder.pipeline.map_files import solid_inputs
 from builder.pipeline.stages import AnyProgress, reporter_of
 from builder.pipeline.used_files import STRUCTURE
-from builder.structure.external import influence_export, load_export
-from builder.structure.external.external_structure import external_structure
+from builder.structure.external import load_export
+from builder.structure.external.external_structure import external_structure, written_influence
 from builder.structure.external.load_cases import load_cases
 from builder.structure.solid.case import solid_case, structure_case
 from builder.structure.solid.checks import mesh_error_line
@@ -127,7 +127,7 @@ def export_influence(
         case = solid_case(loaded, list(layouts or used_layouts(loaded)), choice, solver, allow_locking)
     if path.suffix.lower() not in (".h5", ".hdf5"):
         raise InputError(f"--export-influence: expected a file .h5, got {path}")
-    found = influence_export.export_influence(case, loaded.gauges.layout, path)
+    found = written_influence(case, loaded.gauges.layout, path)
     return (f"{path}: {len(found.column)} gauges, forces at {len(found.node)} nodes, written",)
 
 

@@ -18,7 +18,7 @@ from builder.structure.structure_file import Structure
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map_needs import used_layouts
 from builder.vehicle.shape.geometry import BodyOfRevolution
-from builder.vehicle.shape.profile_record import profile_misfits
+from builder.vehicle.shape.profile_entries import profile_misfits
 from builder.workspace import Misfit
 
 SAME = 1e-9

@@ -25,8 +25,7 @@ from builder.structure.wall import wall_of
 from builder.vehicle.file import Vehicle
 from builder.vehicle.model_entries import Resolutions
 from builder.vehicle.shape.geometry import surface_grid
-from builder.vehicle.structure.section import Mass
-from builder.vehicle.structure.temperature_entries import Temperature, TemperatureSensor
+from builder.vehicle.structure.section import Mass, Temperature, TemperatureSensor
 from builder.vehicle.toml.toml_sections import Section
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.errors import InputError

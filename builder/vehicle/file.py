@@ -14,12 +14,10 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, Field, PrivateAttr, model_validator
 
-from builder.vehicle.conditions.condition_entries import Conditions
-from builder.vehicle.conditions.flight_conditions import condition_grid
+from builder.vehicle.conditions.flight_conditions import Conditions, condition_grid
 from builder.vehicle.gauges.gauge_entries import Gauges, Recorder
 from builder.vehicle.gauges.sensor_entries import Sensors
-from builder.vehicle.map.calibration import Calibration
-from builder.vehicle.map.options import MapEntry, Noise
+from builder.vehicle.map.options import Calibration, MapEntry, Noise
 from builder.vehicle.model_entries import (
     ELEMENTS,
     EULER,
@@ -44,8 +42,7 @@ from builder.vehicle.shape.profile_entries import Piece
 from builder.vehicle.shape.sectioned_body import SectionedBody
 from builder.vehicle.shape.sectioned_body import read_sections as read_sections_of_body
 from builder.vehicle.shape.shape_entries import Reference, ReferenceQuantities, Shape
-from builder.vehicle.structure.section import Mass, MaterialEntry, Structure
-from builder.vehicle.structure.temperature_entries import Temperature
+from builder.vehicle.structure.section import Mass, MaterialEntry, Structure, Temperature
 from builder.vehicle.toml.entry_faults import Faults
 from builder.vehicle.toml.entry_limits import (
     MAX_CONDITIONS,

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from builder.aero.cfd.formats.stl import write_stl
-from builder.aero.engines.full_body_engine import FullBodyEngine
+from builder.aero.engines.euler import FullBodyEngine
 from builder.aero.euler.planes.marching_grid import MarchingGrid
 from builder.aero.shapes import pierced_places, sections_mesh, surface_of_file
 from builder.aero.surface.mesh import SurfaceMesh, mesh_load_operator, mesh_of_grid

@@ -26,8 +26,7 @@ from builder.structure.as_built.displaced_structure import (
     displaced_structure,
     refuse_untestable,
 )
-from builder.structure.external.external_structure import external_structure
-from builder.structure.external.influence_export import export_influence
+from builder.structure.external.external_structure import external_structure, written_influence
 from builder.structure.loads.applied import Load, PadPressure, PointForce, SectionLoad, SurfacePressure, Weight
 from builder.structure.loads.gauge_strain import gauge_strain
 from builder.structure.loads.solid import solid_structure_of
@@ -102,7 +101,7 @@ def test_loads_that_are_not_known_are_refused(tested: Case) -> None:
 def test_an_influence_matrix_is_tested_as_its_mesh(tested: Case, tmp_path: Path) -> None:
     vehicle = tested.vehicle
     layout = vehicle.gauges.layout
-    export_influence(structure_case(vehicle, [layout]), layout, tmp_path / "z.h5")
+    written_influence(structure_case(vehicle, [layout]), layout, tmp_path / "z.h5")
     entry = vehicle.structure.model_copy(update={"influence": str(tmp_path / "z.h5")})
     matrix = vehicle.model_copy(update={"structure": entry})
     mapped = mapped_structure(external_structure(matrix, tested.snapshots), tested.snapshots)

@@ -29,7 +29,7 @@ from builder.trial.run import scored
 from builder.trial.score import MISSED, Row
 from builder.truth.flights import drawn
 from builder.truth.shape import ShapeFlights, at_conditions, on_nodes, refuse_without_other_model
-from builder.vehicle.conditions.condition_entries import FlowParameter
+from builder.vehicle.conditions.flight_conditions import FlowParameter
 from builder.vehicle.file import VEHICLES, load_vehicle
 from strainfmu.atmosphere import pressure_and_temperature
 from strainfmu.errors import FlowReachError, InputError

@@ -13,8 +13,7 @@ import pytest
 from ensembles import listed_ensemble
 
 from builder.aero.engine import Flow, FlowKey
-from builder.aero.engines.euler import pieces
-from builder.aero.engines.surface_pressure import pressure_at_stations
+from builder.aero.engines.euler import pieces, pressure_at_stations
 from builder.aero.loads.operator import coefficients_of, load_operator
 from builder.inverse.noise.hardware_errors import HardwareError, hardware_errors
 from builder.structure.as_built.as_built_structure import SHIFT

@@ -68,7 +68,7 @@ def _euler(vehicle: Vehicle, resolution: Resolution, grid_level: str | None, not
 
     grid = marching_grid_of(resolution) if grid_level is None else _level(grid_level)
     if vehicle.shape_kind == "sections":
-        from builder.aero.engines.full_body_engine import FullBodyEngine
+        from builder.aero.engines.euler import FullBodyEngine
 
         n_x, n_roll = resolution.surface_stations, resolution.surface_roll_angles
         return FullBodyEngine(vehicle.sectioned_body(), grid, n_x, n_roll)

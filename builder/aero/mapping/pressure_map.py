@@ -11,6 +11,8 @@ triangles share no nodes; that mesh is a source as any other.
 Source: C. Farhat, M. Lesoinne, P. Le Tallec, "Load and motion transfer algorithms for fluid/structure interaction
 problems with non-matching discrete interfaces", Comput. Methods Appl. Mech. Engrg. 157 (1998): closest points, and
 conservation by using the transposed map for displacements. The couple that makes the moment exact is ours.
+
+Mirror images of pressure on surfaces that have no grid.
 """
 
 from __future__ import annotations
@@ -217,3 +219,18 @@ def _carries_roll(mesh: SurfaceMesh, loads: FloatArray) -> bool:
 def conservative_pressure(source: SurfaceMesh, target: SurfaceMesh, pressure: FloatArray) -> FloatArray:
     """Return :meth:`PressureMap.conservative` of net ``pressure`` (..., n_source): (..., n_target)."""
     return pressure_map(source, target).conservative(pressure)
+
+
+MAX_GAP = 2e-3
+"""Gap between a surface and its mirror image, over the body's length, above which it has no such symmetry."""
+
+
+def mirror_operator(surface: SurfaceMesh, axis: int) -> sparse.csr_array | None:
+    """Return sparse (n_p, n_p) M: (M p)(x) = p at the mirror image of x in the plane through the origin across
+    ``axis``; None where the surface is not symmetric. The value is taken at the closest point."""
+    flip = np.ones(3)
+    flip[axis] = -1.0
+    closest = closest_points(surface, surface.point * flip, surface.node_normal * flip)
+    if closest.gap.max() > MAX_GAP * float(np.ptp(surface.point, axis=0).max()):
+        return None
+    return interpolation_at(surface, closest)

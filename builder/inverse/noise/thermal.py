@@ -13,7 +13,7 @@ from builder.structure.loads.loaded_structure import LoadProperties
 from builder.structure.loads.of_vehicle import fourier_structure_of
 from builder.structure.loads.temperature import TemperatureField, temperature_mode
 from builder.vehicle.file import Vehicle
-from builder.vehicle.structure.temperature_entries import Temperature
+from builder.vehicle.structure.section import Temperature
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.map.sensors import ThermalMap
 from strainfmu.estimator.signal_names import TEMPERATURE

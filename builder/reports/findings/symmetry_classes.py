@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import sparse
 
-from builder.aero.mapping.mirrors import mirror_operator
+from builder.aero.mapping.pressure_map import mirror_operator
 from builder.aero.surface.mesh import Surface, grid_of, mesh_of
 from builder.structure.observability import SYMMETRIES
 from builder.vehicle.shape.geometry import SurfaceGrid

@@ -17,8 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from builder.structure.as_built_kinds import AS_BUILT, IN_FLIGHT, IN_NOISE, KINDS, ParameterKind
-from builder.vehicle.map.calibration import Calibration
-from builder.vehicle.map.options import Noise
+from builder.vehicle.map.options import Calibration, Noise
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.signal_names import ZERO

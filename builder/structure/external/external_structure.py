@@ -1,4 +1,4 @@
-"""The structure of another code, by the entry of the vehicle file that names its file.
+"""The structure of another code, by the entry of the vehicle file that names its file, and influence matrices.
 
 Forces on fewer nodes: how much strain depends on the number of nodes that are loaded.
 
@@ -8,6 +8,8 @@ The axial strain of a gauge under a lateral force is in proportion to the force'
 under forces behind it, whatever the structure between. Nodes in another order, swapped axes, a wrong length show.
 
 Z_p from an influence matrix: strain per force at nodes times the nodal forces of a pressure on their facets.
+
+The influence matrix of a mesh of ours, in the form that other codes' matrices are read in.
 """
 
 from __future__ import annotations
@@ -24,15 +26,16 @@ from scipy.spatial import cKDTree
 from builder.aero.surface.mesh import SurfaceMesh
 from builder.campaign.snapshots import Snapshots
 from builder.structure.external import strain_per_snapshot
-from builder.structure.external.influence_export import solved_influence
-from builder.structure.external.influence_file import Influence, read_influence
-from builder.structure.external.load_cases import columns_found
+from builder.structure.external.influence_file import Influence, read_influence, write_influence
+from builder.structure.external.load_cases import columns_found, strain_columns
 from builder.structure.external.nastran.results import nastran_strains
 from builder.structure.external.operator_of_file import structure_of_operator
 from builder.structure.external.strain_table import SubcaseStrains
-from builder.structure.solid.case import solid_case, structure_case
+from builder.structure.solid.case import SolidCase, solid_case, structure_case
 from builder.structure.solid.gauge_rows import Gauges
-from builder.structure.solid.nodal_loads import facet_pressure_load, facet_triangles, split_facets
+from builder.structure.solid.nodal_loads import facet_pressure_load, facet_triangles, split_facets, surface_nodes
+from builder.structure.solid.solid_mesh import EXTERNAL
+from builder.structure.solid.solid_model import strain_per_force
 from builder.structure.structure_file import MeshCheck, Structure
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map_needs import used_layouts
@@ -314,3 +317,33 @@ def influence_of(vehicle: Vehicle) -> tuple[Influence, dict[str, tuple[str, ...]
         facets = None if entry.influence_facets is None else vehicle.beside(entry.influence_facets)
         found = read_influence(external_file(vehicle), facets, nastran_strains(vehicle, layouts))
     return found, columns_found(found.path, found.column, layouts, in_use)
+
+
+def solved_influence(case: SolidCase, in_use: str, path: Path) -> Influence:
+    """Solve ``case`` under unit forces at the nodes of its external surface.
+
+    ``in_use`` is the layout whose gauges go by their own names, ``path`` the name of the matrix.
+
+    Raises
+    ------
+    InputError, StrainfmuError
+        As :func:`builder.structure.solid.solid_model.solve_solid_structure`.
+    """
+    mesh, strain = strain_per_force(case)
+    node = surface_nodes(mesh, EXTERNAL)
+    columns = strain_columns(case.layouts, in_use)
+    return Influence(
+        path=path,
+        node=mesh.node[node],
+        facet=np.searchsorted(node, mesh.named_surface(EXTERNAL)),
+        column=tuple(name for names in columns.values() for name in names),
+        strain_per_force=strain,
+        split=not mesh.is_swept,
+    )
+
+
+def written_influence(case: SolidCase, in_use: str, path: Path) -> Influence:
+    """Write the matrix of :func:`solved_influence`; errors as there, or the file could not be written."""
+    influence = solved_influence(case, in_use, path)
+    write_influence(influence)
+    return influence

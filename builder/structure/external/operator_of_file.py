@@ -11,7 +11,7 @@ from builder.aero.surface.mesh import SurfaceMesh
 from builder.structure.solid.gauge_rows import Gauges, gauge_fields
 from builder.structure.structure_file import MeshCheck, Structure
 from builder.vehicle.file import Vehicle
-from builder.vehicle.shape.profile_record import profile_record
+from builder.vehicle.shape.profile_entries import profile_record
 from strainfmu.arrays import FloatArray
 from strainfmu.version import __version__
 

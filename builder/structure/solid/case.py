@@ -57,7 +57,7 @@ from builder.structure.structure_file import SCHEMA_VERSION
 from builder.structure.wall import Wall, material_of, wall_of
 from builder.vehicle.file import Vehicle
 from builder.vehicle.shape.geometry import BodyOfRevolution
-from builder.vehicle.shape.profile_record import profile_record
+from builder.vehicle.shape.profile_entries import profile_record
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.files import fingerprint

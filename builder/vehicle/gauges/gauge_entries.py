@@ -1,6 +1,6 @@
-"""Section [gauges] of the vehicle file: named layouts, each of rows or a file of positions.
+"""Sections of the vehicle file on gauges.
 
-Section [recorder] of the vehicle file: what reads the gauges.
+[gauges] holds named layouts, each of rows or a file of positions; [recorder] states what reads the gauges.
 """
 
 from __future__ import annotations

@@ -4,24 +4,28 @@ Sources: Haack, W., "Geschossformen kleinsten Wellenwiderstandes", Lilienthal-Ge
 Perkins, Jorgensen and Sommer, NACA Report 1386 (1958), bodies of minimum drag and power-law noses.
 
 Pieces of the profile in the vehicle file: what each is called, its entries, and the segment it makes.
+
+Record of a body's meridian in files made for it, and what differs when the body is another.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from math import asin, atan2, hypot, isfinite, pi, radians
+from math import asin, atan2, degrees, hypot, isclose, isfinite, pi, radians
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
-from builder.vehicle.shape.geometry import Segment
+from builder.vehicle.shape.geometry import BodyOfRevolution, Segment
 from builder.vehicle.toml.toml_sections import FileName, HalfAngle, Section, Station
+from builder.workspace import Misfit
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.text_files import read_csv, shown_columns
@@ -423,3 +427,40 @@ def _haack(kind: str, x: float, end_x: float, end_radius: float, shape_factor: f
             shape_factor=shape_factor,
         )
     )
+
+
+SAME = 1e-9  # relative, and in metres and degrees
+RADII = 16  # of a curve that is neither cone nor arc
+
+
+def profile_record(body: BodyOfRevolution) -> list[dict[str, float]]:
+    """Return the pieces of the meridian as numbers that JSON can hold; of curves other than arcs, radii too."""
+    return [_piece_record(piece) for piece in body.segments]
+
+
+def _piece_record(piece: Segment) -> dict[str, float]:
+    record = {
+        "end_x_m": float(piece.end_x),
+        "start_half_angle_deg": degrees(piece.start_angle),
+        "end_half_angle_deg": degrees(piece.end_angle),
+    }
+    if type(piece) is Segment:
+        return record
+    share = np.arange(1, RADII + 1) / RADII
+    radius = piece.radius(piece.start_x + share * (piece.end_x - piece.start_x)).tolist()
+    return {**record, **{f"radius_{number}_m": one for number, one in enumerate(radius, start=1)}}
+
+
+def profile_misfits(record: Sequence[dict[str, Any]], body: BodyOfRevolution) -> list[Misfit]:
+    """Return in what the recorded meridian differs from ``body``; entries count pieces from 1."""
+    expected = profile_record(body)
+    if len(record) != len(expected):
+        return [Misfit(entry="profile", expected=f"{len(expected)} pieces", found=f"{len(record)}")]
+    return [
+        Misfit(
+            entry=f"profile.{number}.{name}", expected=f"{value:.9g}", found=f"{held.get(name, float('nan')):.9g}"
+        )
+        for number, (held, wanted) in enumerate(zip(record, expected, strict=True), start=1)
+        for name, value in wanted.items()
+        if not isclose(held.get(name, float("nan")), value, rel_tol=SAME, abs_tol=SAME)
+    ]

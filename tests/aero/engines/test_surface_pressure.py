@@ -8,8 +8,7 @@ from math import pi, radians
 import numpy as np
 import pytest
 
-from builder.aero.engines.euler import EulerEngine
-from builder.aero.engines.surface_pressure import pressure_at_stations, pressure_ratio_on_surface
+from builder.aero.engines.euler import EulerEngine, pressure_at_stations, pressure_ratio_on_surface
 from builder.aero.euler.bodies.solver import FlowSolution, MarchingGrid
 from builder.aero.loads.operator import load_operator
 from builder.vehicle.shape.geometry import BodyOfRevolution, SurfaceGrid, surface_grid

@@ -16,7 +16,7 @@ import pytest
 from cone_theory import taylor_maccoll_surface
 from sweeps import sweep
 
-from builder.aero.engines.surface_pressure import pressure_at_stations, pressure_ratio_on_surface
+from builder.aero.engines.euler import pressure_at_stations, pressure_ratio_on_surface
 from builder.aero.euler.bodies.solver import FlowSolution, free_stream_of, solve_flow
 from builder.aero.euler.planes.marching_grid import GRID_LEVELS, MarchingGrid
 from builder.aero.euler.planes.plane import free_stream

@@ -24,8 +24,8 @@ from builder.structure.external.external_structure import (
     lateral_lines,
     structure_of_influence,
     thinned,
+    written_influence,
 )
-from builder.structure.external.influence_export import export_influence
 from builder.structure.external.influence_file import Influence, read_influence, write_influence
 from builder.structure.fourier.fourier_model import StructuralModel
 from builder.structure.mapped_structure import mapped_structure
@@ -68,7 +68,7 @@ def built_in(case: SolidCase) -> Structure:
 
 @pytest.fixture(scope="module")
 def matrix(case: SolidCase, tmp_path_factory: pytest.TempPathFactory) -> Influence:
-    return export_influence(case, LAYOUT, tmp_path_factory.mktemp("influence") / "z.h5")
+    return written_influence(case, LAYOUT, tmp_path_factory.mktemp("influence") / "z.h5")
 
 
 @pytest.fixture(scope="module")

@@ -20,8 +20,7 @@ from builder.structure.wall import Material, Wall
 from builder.truth.revolution.flow_table import truth_engine
 from builder.vehicle.file import IC3X, load_vehicle
 from builder.vehicle.shape.geometry import BodyOfRevolution, chain_pieces, is_blunt, surface_grid
-from builder.vehicle.shape.profile_entries import Piece
-from builder.vehicle.shape.profile_record import profile_misfits, profile_record
+from builder.vehicle.shape.profile_entries import Piece, profile_misfits, profile_record
 from strainfmu.errors import InputError
 
 pytestmark = pytest.mark.fast

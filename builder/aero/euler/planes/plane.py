@@ -1,4 +1,7 @@
-"""A cross-plane of the march: what it holds, and the balance of mass and momentum up to it."""
+"""A cross-plane of the march: what it holds, and the balance of mass and momentum up to it.
+
+The flow that is marched.
+"""
 
 from __future__ import annotations
 
@@ -12,6 +15,20 @@ from builder.aero.euler.scheme.gas import GAMMA
 from builder.aero.euler.scheme.grid import Rays, cell_areas, place_vertices
 from builder.aero.euler.scheme.reconstruction import Stream
 from strainfmu.arrays import FloatArray
+from strainfmu.errors import FlowReachError
+
+
+@dataclass(frozen=True)
+class Flow:
+    """The flow to march: its free stream, and its name in messages."""
+
+    mach_number: float
+    stream: Stream
+    name: str
+
+    def refusal(self, reason: str) -> FlowReachError:
+        return FlowReachError(f"euler: {reason} for {self.name}: outside the solver's reach")
+
 
 MASS_WEIGHT = 10.0
 """How much more an imbalance of mass counts than one of force: 1e-5 of it is as bad as 1e-4 of the force."""
