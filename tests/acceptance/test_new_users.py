@@ -8,6 +8,7 @@ import re
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,8 @@ from builder.pipeline.demonstration.bus_flight import private_port
 from strainfmu.arrays import FloatArray
 from strainfmu.can.quality import Quality
 
+Run = Callable[..., tuple[int, str, str]]
+Typed = Callable[..., tuple[str, str]]
 STRAINFMU = [sys.executable, "-c", "from strainfmu.cli.main import main; main()"]
 COEFFICIENTS = ("C_A", "C_N", "C_Y", "M_P", "M_Y")
 FLOW = ("dynamic_pressure", "mach_number", "altitude")
@@ -28,13 +31,17 @@ SENT = 300
 """Cycles that the sender of the bus sends."""
 
 
-def typed(folder: Path, *command: object) -> tuple[str, str]:
-    """Run a command that must succeed; return what it printed, and its errors."""
-    ran = subprocess.run(
-        [*STRAINFMU, *map(str, command)], cwd=folder, check=False, capture_output=True, text=True, timeout=300
-    )
-    assert ran.returncode == 0, ran.stdout + ran.stderr
-    return ran.stdout, ran.stderr
+@pytest.fixture
+def typed(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Typed:
+    """Return a function that runs a command that must succeed, in the folder; what it printed, and its errors."""
+    monkeypatch.chdir(tmp_path)
+
+    def call(*command: object) -> tuple[str, str]:
+        code, printed, errors = run(*command)
+        assert code == 0, printed + errors
+        return printed, errors
+
+    return call
 
 
 def flown(demo: Path) -> tuple[FloatArray, FloatArray, FloatArray, dict[str, FloatArray]]:
@@ -61,26 +68,22 @@ def assert_within_three_sigma(estimate: FloatArray, sigma: FloatArray, truth: Fl
     assert np.median(sigma) < 0.15 * np.ptp(truth)
 
 
-def test_loads_from_a_recording_with_names_of_its_own(ic3x_demo: Path, tmp_path: Path) -> None:
+def test_loads_from_a_recording_with_names_of_its_own(
+    ic3x_demo: Path, tmp_path: Path, run: Run, typed: Typed
+) -> None:
     """Two commands, and the first attempt, which fails, names the one of them that helps."""
     own_recording(ic3x_demo, tmp_path / "run7.csv", ("q_inf [kPa]", "Mach", "Altitude [km]"))
     map_file = ic3x_demo / "map.h5"
-    first = subprocess.run(
-        [*STRAINFMU, "estimate", map_file, "run7.csv", "-o", "loads.csv"],
-        cwd=tmp_path,
-        check=False,
-        capture_output=True,
-        text=True,
-    )
-    assert first.returncode == 2
-    assert "which 'strainfmu channels MAP DATA' proposes" in first.stderr
-    assert "--ignore-columns" not in first.stderr
-    printed, _ = typed(tmp_path, "channels", map_file, "run7.csv", "-o", "channels.toml")
+    code, _, errors = run("estimate", map_file, "run7.csv", "-o", "loads.csv")
+    assert code == 2
+    assert "which 'strainfmu channels MAP DATA' proposes" in errors
+    assert "--ignore-columns" not in errors
+    printed, _ = typed("channels", map_file, "run7.csv", "-o", "channels.toml")
     assert f"{N_GAUGES} of {N_GAUGES} gauges have a channel" in printed
     assert "without" not in printed
     proposed = re.search(r"then: strainfmu (.*)", printed)
     assert proposed is not None
-    printed, errors = typed(tmp_path, *proposed[1].split())
+    printed, errors = typed(*proposed[1].split())
     assert "health: OK 2001\n" in printed
     assert (errors, "not used" in printed) == ("", False)
     loads, (_, _, flow, truth) = read_csv(tmp_path / "loads.csv"), flown(ic3x_demo)
@@ -89,29 +92,29 @@ def test_loads_from_a_recording_with_names_of_its_own(ic3x_demo: Path, tmp_path:
         assert_within_three_sigma(loads[f"{name} [1]"], loads[f"sigma.{name} [1]"], truth[name])
 
 
-def test_what_a_recording_lacks_is_said_before_the_estimate(ic3x_demo: Path, tmp_path: Path) -> None:
+def test_what_a_recording_lacks_is_said_before_the_estimate(ic3x_demo: Path, tmp_path: Path, typed: Typed) -> None:
     """No unit of strain, and an altitude that might be geometric, are named by the command that proposes."""
     own_recording(ic3x_demo, tmp_path / "run8.csv", ("q_inf [kPa]", "Ma", "H_geo [km]"), unit="")
-    printed, _ = typed(tmp_path, "channels", ic3x_demo / "map.h5", "run8.csv", "-o", "channels.toml")
+    printed, _ = typed("channels", ic3x_demo / "map.h5", "run8.csv", "-o", "channels.toml")
     assert "without an entry, not read: H_geo\n" in printed
     assert "without a unit, which [defaults] of the file must state: SG01_ax, " in printed
     channels = tmp_path / "channels.toml"
     text = channels.read_text("utf-8")
     channels.write_text(text.replace("# unit = ", "unit = ", 1), encoding="utf-8")
     command = ("estimate", ic3x_demo / "map.h5", "run8.csv", "-o", "loads.csv", "--channels", "channels.toml")
-    printed, _ = typed(tmp_path, *command)
+    printed, _ = typed(*command)
     assert "run8.csv: 1 column not used: H_geo\n" in printed
     loads, truth = read_csv(tmp_path / "loads.csv"), flown(ic3x_demo)[3]
     assert_within_three_sigma(loads["C_N [1]"], loads["sigma.C_N [1]"], truth["C_N"])
 
 
-def test_the_fmu_of_fmi_3_in_fmpy_with_air_data(ic3x_demo: Path, tmp_path: Path) -> None:
+def test_the_fmu_of_fmi_3_in_fmpy_with_air_data(ic3x_demo: Path, tmp_path: Path, typed: Typed) -> None:
     """The export names what FMPy cannot run; the form with scalars gives coefficients and health over time."""
     from fmpy import simulate_fmu
 
-    printed, _ = typed(tmp_path, "export", ic3x_demo / "map.h5", "--fmi", "3", "-o", "arrays_3.fmu")
+    printed, _ = typed("export", ic3x_demo / "map.h5", "--fmi", "3", "-o", "arrays_3.fmu")
     assert "fmpy.simulate_fmu does not take; --scalars has none" in printed
-    printed, _ = typed(tmp_path, "export", ic3x_demo / "map.h5", "--fmi", "3", "--scalars", "-o", "scalars_3.fmu")
+    printed, _ = typed("export", ic3x_demo / "map.h5", "--fmi", "3", "--scalars", "-o", "scalars_3.fmu")
     assert "simulate_fmu" not in printed
     t, strain, flow, truth = (
         {name: one[::10] for name, one in part.items()} if isinstance(part, dict) else part[::10]
@@ -172,7 +175,7 @@ def write_bus(folder: Path, demo: Path, port: int) -> None:
 
 
 @pytest.mark.slow
-def test_a_bridge_on_a_bus_with_signals_of_its_own(ic3x_demo: Path, tmp_path: Path) -> None:
+def test_a_bridge_on_a_bus_with_signals_of_its_own(ic3x_demo: Path, tmp_path: Path, typed: Typed) -> None:
     """Bridge, sender, recording; a replay repeats every result that was on the bus, coefficients by the truth."""
     skip_without_multicast()
     write_rack(tmp_path)
@@ -189,7 +192,7 @@ def test_a_bridge_on_a_bus_with_signals_of_its_own(ic3x_demo: Path, tmp_path: Pa
         assert f"{N_GAUGES} gauges, bus.toml" in bridge.stdout.readline()
         assert "UNPROTECTED" in bridge.stdout.readline()
         command = ("send", ic3x_demo / "flight.csv", "--bus", "bus.toml", "--duration", 0.01 * SENT)
-        sent, _ = typed(tmp_path, *command)
+        sent, _ = typed(*command)
         time.sleep(0.5)
     finally:
         bridge.terminate()
@@ -198,7 +201,7 @@ def test_a_bridge_on_a_bus_with_signals_of_its_own(ic3x_demo: Path, tmp_path: Pa
     assert re.search(rf"results heard on the bus: \d+ of {SENT} cycles answered, \d+ with coefficients", sent)
     assert "nan" not in sent, "recorded strains have no truth on the bus"
     assert json.loads((tmp_path / "own.blf.json").read_text("utf-8"))["end"] is not None
-    printed, _ = typed(tmp_path, "replay", "own.blf", ic3x_demo / "estimator.fmu", "-o", "own.csv")
+    printed, _ = typed("replay", "own.blf", ic3x_demo / "estimator.fmu", "-o", "own.csv")
     again = re.search(r"given again\D*(\d+) of (\d+)", printed)
     assert again is not None
     assert int(again[1]) > 0, "those may differ that went out late; tests/can/test_replay.py has none"
