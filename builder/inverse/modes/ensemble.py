@@ -260,11 +260,12 @@ def turned_to_gauges(modes: PressureModes, whitened_operator: FloatArray) -> Pre
     whitened_operator : (n_d, n_p) L^-1 Z_p [1/Pa] with the root L of the gauges' noise.
     """
     std, turned, first = modes.coefficient_std, modes.modes.copy(), 0
+    strain = whitened_operator @ modes.modes
     while first < len(std):
         last = first + int(np.sum(std[first:] >= (1.0 - _SAME) * std[first]))
         if last - first > 1:
             pair = turned[:, first:last]
-            turned[:, first:last] = pair @ np.linalg.svd(whitened_operator @ pair, full_matrices=False)[2].T
+            turned[:, first:last] = pair @ np.linalg.svd(strain[:, first:last], full_matrices=False)[2].T
         first = last
     return replace(modes, modes=turned * signs(turned))
 
