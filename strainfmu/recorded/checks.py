@@ -244,7 +244,7 @@ class DataChecks:
         self._find_resolution(strain[:_SAMPLED][known[:_SAMPLED]])
         has_values, longest = known.any(axis=1), self._longest
         zero = has_values & _is_zero(strain) & ~(block.dynamic_pressure <= 0.0)
-        of_rows, next_rows = _all(same), _all(following)
+        of_rows, next_rows = np.asarray(same.all(axis=1)), np.asarray(following.all(axis=1))
         row_same = of_rows & has_values
         runs = self._of_rows.take(row_same[:, None], next_rows[:, None])[:, 0]
         if not self._rows:  # nothing shows that the first row of the file is new
@@ -349,11 +349,6 @@ def repeated(strain: FloatArray, last: FloatArray) -> BoolArray:
         same[1:] |= without[1:] & without[:-1]
         same[0] |= without[0] & np.isnan(last)
     return same
-
-
-def _all(mask: BoolArray) -> BoolArray:
-    """Return (n,) whether all of each row of ``mask`` (n, n_d) are true."""
-    return np.asarray(mask.all(axis=1))
 
 
 def _is_zero(strain: FloatArray) -> BoolArray:

@@ -8,10 +8,11 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from itertools import chain, pairwise
 from math import isfinite
 from pathlib import Path
 from types import MappingProxyType, SimpleNamespace
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import numpy as np
 
@@ -116,14 +117,8 @@ Item = TypeVar("Item")
 
 
 def _with_next(items: Iterable[Item]) -> Iterator[tuple[Item, Item | None]]:
-    """Yield each item with the one that follows, None behind the last."""
-    before: Item | None = None
-    for item in items:
-        if before is not None:
-            yield before, item
-        before = item
-    if before is not None:
-        yield before, None
+    """Return each item with the one that follows, None behind the last."""
+    return cast("Iterator[tuple[Item, Item | None]]", pairwise(chain(items, (None,))))
 
 
 class BlockEstimator(ABC):

@@ -389,7 +389,7 @@ def suggestion(name: str, names: Sequence[str]) -> str:
     return f"there are {some_of(names) or 'none'}" if near is None else f"did you mean '{near}'"
 
 
-def excluded_gauges(path: Path, wanted: Wanted, channels: Mapping[str, str] | None = None) -> frozenset[str]:
+def excluded_gauges(path: Path, wanted: Wanted, channels: Mapping[str, str] | None = None) -> tuple[str, ...]:
     """Return the gauges to leave out; each is named as in the map, as ``strain[i]``, or by its channel.
 
     ``channels`` are the gauges of channels that have other names, which may be no gauges of the map.
@@ -406,10 +406,10 @@ def excluded_gauges(path: Path, wanted: Wanted, channels: Mapping[str, str] | No
         if name not in known:
             hint = suggestion(name, [*(channels or ()), *gauges])
             raise InputError(f"{path}: --exclude: no gauge '{name}' found, {hint}")
-    excluded = frozenset(known[name] for name in wanted.excluded)
+    excluded = {known[name] for name in wanted.excluded}
     if excluded >= set(gauges):
         raise InputError(f"{path}: --exclude: expected some gauges to be left, got all {len(gauges)}")
-    return excluded
+    return tuple(gauge for gauge in gauges if gauge in excluded)
 
 
 def unknown_text(unknown: Sequence[str], names: Sequence[str], wanted: Wanted) -> str:

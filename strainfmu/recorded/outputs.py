@@ -340,12 +340,9 @@ def estimate_writer(
 
     Raises
     ------
-    InputError
-        No writer has its suffix.
     StrainfmuError
         It cannot be written, or the library that writes it is missing; an earlier file remains unchanged.
     """
-    check_output(path)
 
     def opened(temporary: Path) -> EstimateWriter:
         return EstimateWriter(path, temporary, columns, text_columns, attributes or {})

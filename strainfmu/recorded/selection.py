@@ -284,8 +284,7 @@ def _by_names(selection: Selection) -> None:
             unknown.append(name)
     if unknown:
         raise InputError(f"{path}: {unknown_text(unknown, names=names, wanted=wanted)}")
-    excluded = excluded_gauges(path, wanted)
-    selection.excluded = tuple(gauge for gauge in wanted.gauge_names if gauge in excluded)
+    selection.excluded = excluded = excluded_gauges(path, wanted)
     factors = []
     for i, gauge in enumerate(wanted.gauge_names, start=1):
         if gauge in excluded:
@@ -370,8 +369,7 @@ def _by_channels(selection: Selection, channel_map: ChannelMap) -> None:
         )
     gauges = _gauges(channel_map, wanted)
     by_channel = {entry.name: gauges[entry.gauge] for entry in channel_map.channels}
-    excluded = excluded_gauges(path, wanted, by_channel)
-    selection.excluded = tuple(gauge for gauge in wanted.gauge_names if gauge in excluded)
+    selection.excluded = excluded = excluded_gauges(path, wanted, by_channel)
     selection.join, selection.rosettes = channel_map.join, channel_map.rosettes
     _select_strains(selection, channel_map, gauges)
     _select_stated_flow(selection, channel_map)

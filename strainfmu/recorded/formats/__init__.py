@@ -58,8 +58,8 @@ def open_table(path: Path, reading: Reading) -> Iterator[Table]:
             head = stream.read(_HEAD)
     elif suffix in SUFFIXES:
         raise InputError(f"{path}: no such file")
-    chosen = [one for one in FORMATS if one[3] and head.startswith(one[3])]
-    chosen += [one for one in FORMATS if suffix in one[2]]
+    chosen = [known for known in FORMATS if known[-1] and head.startswith(known[-1])]
+    chosen += [known for known in FORMATS if suffix in known[-2]]
     chosen += [TEXT] if head and b"\x00" not in head else []
     if not chosen:
         raise InputError(f"{path}: expected one of {', '.join(SUFFIXES)}, got '{path.suffix}'")

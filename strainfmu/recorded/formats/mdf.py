@@ -45,9 +45,11 @@ def mdf_table(path: Path, reading: Reading, stack: ExitStack) -> Table:
     for name, at in places.items():
         at = [(group, i) for group, i in at if i != file.masters_db.get(group)]
         for group, i in at:
+            is_known = reading.is_known(name.rpartition("/")[2])
+            unit = file.get_channel_unit(name, group=group, index=i) if is_known else None
             column = Column(
                 name=name,
-                unit=_unit(file, name, group, i) if reading.is_known(name.rpartition("/")[2]) else None,
+                unit=str(unit) if unit else None,
                 group=(_group(file, group),) if len(at) > 1 else (),
             )
             read = partial(_samples, file, group, i)
@@ -75,10 +77,6 @@ def _group(file: Any, group: int) -> str:
     """Return the name of a channel group, its number from 1 where it has none of its own."""
     names = [str(getattr(one.channel_group, "acq_name", "") or "").strip() for one in file.groups]
     return names[group] if names[group] and names.count(names[group]) == 1 else f"group[{group + 1}]"
-
-
-def _unit(file: Any, name: str, group: int, channel: int) -> str | None:
-    return str(file.get_channel_unit(name, group=group, index=channel) or "") or None
 
 
 def _rows(file: Any, group: int, path: Path, remarks: list[str]) -> int:

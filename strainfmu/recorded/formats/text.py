@@ -330,11 +330,8 @@ def _is_sample(row: Sequence[str], used: Sequence[int]) -> bool:
 def _is_row_of_numbers(cells: Sequence[str]) -> bool:
     """Return whether there are several cells, all of them numbers, times or empty."""
     texts = [text for cell in cells if (text := cell.strip())]
-    return len(cells) > 1 and bool(texts) and all(is_number(text) or _is_time(text) for text in texts)
-
-
-def _is_time(text: str) -> bool:
-    return ":" in text and time_form(text, None) is not None
+    kinds = (is_number(text) or (":" in text and time_form(text, None) is not None) for text in texts)
+    return len(cells) > 1 and bool(texts) and all(kinds)
 
 
 def _unit(cell: str) -> str:
