@@ -15,6 +15,7 @@ from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.flight_tables import evaluate
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.recorded import estimators
+from strainfmu.recorded.samples import Samples
 
 pytestmark = pytest.mark.fast
 DT = 0.01
@@ -105,3 +106,15 @@ def test_without_strain_the_more_certain_side_counts() -> None:
     assert np.isfinite(found.loads[30:36]).all()
     assert np.all(found.loads_std[35] < samples.filtered.loads_std[35])
     np.testing.assert_array_equal(found.loads[30], samples.filtered.loads[30])
+
+
+def test_the_length_of_blocks_as_read_makes_no_difference() -> None:
+    inverse_map, n = whole_scaled_map(2, seed=3), 3000
+    strain, pressure = steady(inverse_map, n, 2), np.full(n, NOMINAL)
+    whole = Samples(DT * np.arange(n), strain, {"dynamic_pressure": pressure}, faults=("",) * n)
+    loads = []
+    for blocks in ([whole], [whole[:2000], whole[2000:]]):
+        reader = estimators.MapBlocks(Estimator(inverse_map).filter(1.0), smooth=True)
+        made = reader.estimated(blocks, lambda block, _: block)
+        loads.append(np.concatenate([estimates.values["force.normal"] for _, estimates in made]))
+    np.testing.assert_array_equal(loads[0], loads[1])

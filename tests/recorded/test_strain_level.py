@@ -13,6 +13,7 @@ from recorded_case import NAMES, samples, write_csv
 from synthetic_vehicle import SyntheticFiles
 
 from strainfmu.errors import InputError
+from strainfmu.recorded import strain_level
 from strainfmu.recorded.run import estimate_file
 from strainfmu.recorded.strain_level import LevelCheck, LevelReference, likely_units
 
@@ -181,3 +182,14 @@ def test_a_level_that_no_unit_explains() -> None:
     assert likely_units(600.0, 1.0) == ("mm/m",)
     assert likely_units(200.0, 1.0) == ("mm/m", "percent")
     assert likely_units(36.0, 1.0) == ("percent", "mm/m")
+
+
+def test_a_level_that_comes_again_is_not_made_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A flight that repeats its largest strains takes no quantile of each block; a higher level counts."""
+    size = np.linspace(0.0, 1.0, 4000)[:, None] * np.array([1.0, 2.0, 3.0])
+    level = strain_level.level_of(size)
+    np.testing.assert_allclose(level, np.quantile(size, 0.99, axis=0), rtol=1e-12)
+    raised = strain_level._raised_level(level, 1.2 * size)
+    np.testing.assert_allclose(raised, 1.2 * level, rtol=1e-12)
+    monkeypatch.delattr(np, "quantile")
+    np.testing.assert_array_equal(strain_level._raised_level(level, 1.0005 * size), level)
