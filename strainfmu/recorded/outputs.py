@@ -96,11 +96,11 @@ _ANGLES = ("air_data.angle_of_attack", "air_data.sideslip_angle")
 _FLOW_UNITS = {quantity.name: quantity.unit for quantity in SAMPLE_INPUTS[1:]}
 _SLASH = "%2F"
 
-_CHUNK_ROWS, _COLLECTED_ROWS = 4096, 32768
-"""Rows of a chunk in HDF5, and rows that are written at once: each call costs as much as thousands of rows."""
+_COLLECTED_ROWS = 32768
+"""Rows that are written at once, a chunk in HDF5: each call costs as much as thousands of rows."""
 
-_CHUNK_BYTES = 16 * _CHUNK_ROWS
-"""Of a column of text, the larger kind. HDF5 retains the last chunk of each column, and would 8 MiB by default."""
+_RETAINED = 1 << 16
+"""Bytes of each column that HDF5 may retain, less than a chunk, which is written whole; by default 8 MiB."""
 
 _LONGEST_TEXT = 250
 """Characters of a text in MF4, whose records have one length."""
@@ -203,25 +203,26 @@ def _hdf5(
     """A slash, which names of gauges may hold, would begin a group; a text that was never written is empty."""
     guarded, rows = GuardedFile(temporary), 0
     try:
-        with h5py.File(guarded, "w", rdcc_nbytes=_CHUNK_BYTES) as file:
+        with h5py.File(guarded, "w", rdcc_nbytes=_RETAINED) as file:
             file.attrs.update(attributes)
+            table = yield
+            layout = {"maxshape": (None,), "chunks": (1 if table is None else len(table[0]),)}
 
             def data_set(name: str, kind: object) -> h5py.Dataset:
-                safe, layout = name.replace("/", _SLASH), {"maxshape": (None,), "chunks": (_CHUNK_ROWS,)}
-                return file.create_dataset(safe, (0,), dtype=kind, **layout)
+                return file.create_dataset(name.replace("/", _SLASH), (0,), dtype=kind, **layout)
 
             items = [data_set(name, "f8") for name, _ in columns]
             for item, (_, unit) in zip(items, columns, strict=True):
                 item.attrs["unit"] = unit
             items += [data_set(name, h5py.string_dtype()) for name in texts]
-            while (table := (yield)) is not None:
+            while table is not None:
                 end = rows + len(table[0])
                 for item, values in zip(items, table, strict=True):
                     item.resize((end,))
                     if not isinstance(values, list) or any(values):
                         item[rows:] = values
                 guarded.raise_error()
-                rows = end
+                rows, table = end, (yield)
         guarded.sync()
     finally:
         guarded.close()
