@@ -114,7 +114,7 @@ def blocks_of(n_gauges: int) -> list[slice]:
 
 
 def _products(ensemble: Ensemble, operators: FloatArray) -> FloatArray:
-    """Return (n, n_keys, n_keys) mean products, over the flows, of the strains by ``operators`` of n gauges."""
+    """Return (n, n_keys, n_keys) mean products, over the flows, of strain by ``operators`` of n gauges."""
     strain = np.stack([ensemble.responses(operator) for operator in operators], axis=2)  # n_j, n, n_keys
     weight = ensemble.member_weight[:, None]
     return np.stack([of_gauge.T @ (weight * of_gauge) for of_gauge in np.moveaxis(strain, 1, 0)])
