@@ -7,7 +7,6 @@ import pytest
 
 from builder.structure.as_built.as_built_structure import AsBuiltStructure
 from builder.structure.as_built.as_built_vehicle import as_built_std, draw_as_built
-from builder.truth.revolution.strain import gauge_response
 from builder.vehicle.file import Vehicle
 
 HARMONICS = 5
@@ -18,7 +17,7 @@ def test_gauges_read_any_flow_at_any_roll_angle(vehicle: Vehicle, as_built: AsBu
     """Harmonics of a pressure whose crest is at several roll angles, against Z_p times the nodes' pressure."""
     random = np.random.default_rng(2)
     built = draw_as_built(as_built_std(vehicle.calibration, as_built.counts), random)
-    response = gauge_response(as_built, built, HARMONICS)
+    response = as_built.flight_gauges(built, HARMONICS).response
     grid, operator = as_built.surface, as_built.strain_operator(built)
     amplitude, m = random.normal(size=(len(grid.x), HARMONICS + 1)), np.arange(HARMONICS + 1)
     for crest in (0.0, 1.3, -2.1):

@@ -30,7 +30,7 @@ from builder.structure.as_built.as_built_vehicle import (
     derivative_keys,
     exactly_built,
 )
-from builder.structure.as_built.gauge_strain_terms import WallGauges, gain_of, operator_of, rows_of
+from builder.structure.as_built.gauge_strain_terms import FlightGauges, WallGauges, gain_of, operator_of, rows_of
 from builder.structure.as_built.reading_slopes import load_slopes, operator_slopes, read_load
 from builder.structure.as_built.response_tables import (
     LoadResponse,
@@ -50,6 +50,7 @@ from builder.structure.as_built.wall_states import (
     changed_harmonic_of,
     wall_states,
 )
+from builder.structure.as_built_kinds import AS_BUILT
 from builder.structure.fourier.fourier_model import (
     ERROR_HARMONICS,
     place_layouts,
@@ -191,6 +192,26 @@ class AsBuiltStructure:
             return self.in_flight.strain_operator(parameters)
         found = self.on_wall.parts(self.pressure, parameters, self._thickness(parameters))
         return operator_of(found, parameters, self.surface)
+
+    def flight_gauges(self, built: AsBuilt, n_harmonics: int) -> FlightGauges:
+        """Return the gauges of a vehicle as ``built``, at harmonics 0 to ``n_harmonics``.
+
+        That holds for an uneven wall as well, whose strain goes round the body otherwise than the pressure does.
+        """
+        grid, n_d, m = self.surface, self.n_gauges, np.arange(n_harmonics + 1)
+        operator = self.strain_operator(built).reshape(n_d, len(grid.x), grid.n_roll)
+        angle = np.outer(grid.roll_angle, m)
+        cosine, sine = (np.moveaxis(operator @ wave(angle), 1, 2) for wave in (np.cos, np.sin))
+        c, s = (wave(np.outer(self.placed.roll_angle, m))[:, :, None] for wave in (np.cos, np.sin))
+        return FlightGauges(
+            names=self.gauges.names,
+            roll_angle=self.placed.roll_angle,
+            response=np.stack([cosine * c + sine * s, cosine * s - sine * c], axis=-1),
+            apparent=built.zero,
+            per_ambient=np.zeros(n_d),
+            per_dynamic=np.zeros(n_d),
+            record={kind.name: getattr(built, kind.name).tolist() for kind in AS_BUILT},
+        )
 
     def load_strain(self, parameters: AsBuilt, loads: Sequence[Load]) -> FloatArray:
         """Return what every gauge reads under loads that act together, without zeros, (n_d,) [m/m].

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -41,6 +42,30 @@ class BuiltGauges:
     even: FloatArray
     odd: FloatArray
     roll_angle: FloatArray
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FlightGauges:
+    """What the gauges of a vehicle as built read in flight, per pressure round the body.
+
+    Attributes
+    ----------
+    names : of the n_d gauges.
+    roll_angle : (n_d,) where they are [rad].
+    response : (n_d, n_m, n_x, 2) readings per harmonic m of the pressure at a station, as cos and sin of m times
+        the roll angle from its crest to the gauge [1/Pa].
+    apparent : (n_d,) reading without pressure [m/m].
+    per_ambient, per_dynamic : (n_d,) readings in proportion to p_inf and to q_inf [1/Pa].
+    record : the errors, for a file.
+    """
+
+    names: tuple[str, ...]
+    roll_angle: FloatArray
+    response: FloatArray
+    apparent: FloatArray
+    per_ambient: FloatArray
+    per_dynamic: FloatArray
+    record: dict[str, Any]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

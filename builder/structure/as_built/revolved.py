@@ -15,12 +15,19 @@ import numpy as np
 
 from builder.structure.as_built.as_built_structure import SHIFT, AsBuiltStructure, as_built_structure
 from builder.structure.as_built.as_built_vehicle import AsBuilt, Counts
-from builder.structure.as_built.gauge_strain_terms import BuiltGauges, WallGauges, operator_of, rows_of
+from builder.structure.as_built.gauge_strain_terms import (
+    BuiltGauges,
+    FlightGauges,
+    WallGauges,
+    gain_of,
+    operator_of,
+    rows_of,
+)
 from builder.structure.as_built.reading_slopes import CLAMP
 from builder.structure.as_built.response_tables import ResponseTable, of_all_vehicles
 from builder.structure.as_built.wall_harmonics import WAVES
 from builder.structure.as_built.wall_regions import counts_in_flight, wall_regions
-from builder.structure.as_built_kinds import BY_REGION, KINDS
+from builder.structure.as_built_kinds import BY_REGION, IN_NOISE, KINDS
 from builder.structure.fourier.inner_surface import inner_surface_points
 from builder.structure.fourier.meridian_mesh import MeridianMesh
 from builder.structure.fourier.ring_gauges import PlacedGauges
@@ -97,6 +104,21 @@ class RevolvedStructure:
             return whole
         rows = len(self.table.wall) - built.wall_taper.shape[-1]
         return np.concatenate(of_all_vehicles(whole[..., :rows], built.wall_taper), axis=-1)
+
+    def flight_gauges(self, built: AsBuilt, n_harmonics: int) -> FlightGauges:
+        """Return the gauges of a vehicle as ``built``, at as many harmonics as were solved for."""
+        gauges, none = self.parts(built), np.zeros(len(self.names))
+        response = np.stack([gauges.even, gauges.odd], axis=-1).transpose(2, 1, 0, 3)  # n_d, n_m, n_x, 2
+        response = response * gain_of(built)[:, None, None, None]
+        return FlightGauges(
+            names=self.names,
+            roll_angle=gauges.roll_angle,
+            response=response,
+            apparent=none + built.apparent_strain,
+            per_ambient=-built.internal_pressure.item() * response[:, 0, :, 0].sum(axis=1),
+            per_dynamic=none,
+            record=built.record(IN_NOISE),
+        )
 
     def strain_operator(self, built: AsBuilt) -> FloatArray:
         """Return Z_p (n_d, n_p) [1/Pa] of one vehicle: reading per pressure at every node of ``surface``."""

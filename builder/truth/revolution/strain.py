@@ -20,12 +20,12 @@ from builder.aero.loads.operator import coefficient_scales_at, load_operator
 from builder.reporting import Progress
 from builder.structure.as_built.as_built_structure import AsBuiltStructure
 from builder.structure.as_built.as_built_vehicle import AsBuilt
-from builder.structure.as_built.gauge_strain_terms import gain_of
+from builder.structure.as_built.gauge_strain_terms import FlightGauges, gain_of
 from builder.structure.as_built.reading_slopes import CLAMP
 from builder.structure.as_built.response_tables import ResponseTable
 from builder.structure.as_built.revolved import SOLVED, RevolvedStructure, each, revolved_structure
 from builder.structure.as_built.wall_harmonics import WAVES
-from builder.structure.as_built_kinds import AS_BUILT, IN_NOISE
+from builder.structure.as_built_kinds import IN_NOISE
 from builder.structure.fourier.fourier_model import place_layouts
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import harmonic_response
@@ -322,23 +322,6 @@ def without_faint_harmonics(flights: TrueFlights, faint: float = 2e-4) -> TrueFl
     return replace(flights, table=each(flights.table, lambda one: one[..., :kept, :, :]))
 
 
-def gauge_response(structure: AsBuiltStructure, built: AsBuilt, n_harmonics: int) -> FloatArray:
-    """Return (n_d, n_m, n_x, 2) readings of the gauges of a vehicle as ``built`` [1/Pa].
-
-    They are per harmonic m, 0 to ``n_harmonics``, of the pressure at a station, as cos and sin of m times the roll
-    angle from its crest to the gauge.
-
-    That holds for an uneven wall as well, whose strain goes round the body otherwise than the pressure does.
-    """
-    grid, n_d = structure.surface, structure.n_gauges
-    operator = structure.strain_operator(built).reshape(n_d, len(grid.x), grid.n_roll)
-    m = np.arange(n_harmonics + 1)
-    angle = np.outer(grid.roll_angle, m)
-    cosine, sine = (np.moveaxis(operator @ wave(angle), 1, 2) for wave in (np.cos, np.sin))
-    c, s = (wave(np.outer(structure.placed.roll_angle, m))[:, :, None] for wave in (np.cos, np.sin))
-    return np.stack([cosine * c + sine * s, cosine * s - sine * c], axis=-1)
-
-
 def flight_model(
     vehicle: Vehicle,
     table: FlowTable,
@@ -356,42 +339,25 @@ def flight_model(
     noise_std : gauge noise sigma [m/m].
     sensors : auxiliary ones.
     """
-    mach, incidence = table.mach_knots, table.incidence_knots
-    roll_angle, inside_error = structure.placed.roll_angle, 0.0
-    if isinstance(structure, AsBuiltStructure):
-        names, apparent = structure.gauges.names, built.zero
-        response = gauge_response(structure, built, vehicle.resolution.truth.harmonics)
-        record = {kind.name: getattr(built, kind.name).tolist() for kind in AS_BUILT}
-    else:
-        gauges, names, record = structure.parts(built), structure.names, built.record(IN_NOISE)
-        roll_angle, inside_error = gauges.roll_angle, built.internal_pressure.item()
-        apparent = np.broadcast_to(built.apparent_strain, len(names))
-        response = np.stack([gauges.even, gauges.odd], axis=-1).transpose(2, 1, 0, 3)  # n_d, n_m, n_x, 2
-        response = response * gain_of(built)[:, None, None, None]
+    mach, incidence, harmonic = table.mach_knots, table.incidence_knots, table.harmonic
+    gauges = structure.flight_gauges(built, vehicle.resolution.truth.harmonics)
+    n = len(gauges.names)
     # Gauges with equal response share a channel; as built, every gauge has its own, as every sensor has.
-    n = len(names)
-    flat = np.round(response.reshape(n, -1) / np.abs(response).max(), 13)
+    flat = np.round(gauges.response.reshape(n, -1) / np.abs(gauges.response).max(), 13)
     _, first, channel = np.unique(flat, axis=0, return_index=True, return_inverse=True)
     channel = channel.astype(np.int64).reshape(-1)
-    per_ambient = -inside_error * response[:, 0, :, 0].sum(axis=1)
-    per_dynamic = np.zeros(n)
     if sensors is not None:
         k = len(sensors.names)
         channel = np.append(channel, len(first) + np.arange(k))
         first = np.append(first, n + np.arange(k))
-        response = np.concatenate([response, sensors.response])
-        names, roll_angle = (*names, *sensors.names), np.append(roll_angle, np.zeros(k))
-        apparent = np.append(apparent, sensors.offset)
-        per_ambient = np.append(per_ambient, sensors.per_ambient)
-        per_dynamic = np.append(per_dynamic, sensors.per_dynamic)
-    unit = response[:, 0, :, 0].sum(axis=1)
-    response = response[first]
+        gauges = _with_sensors(gauges, sensors)
+    response = gauges.response[first]
     max_harmonic = response.shape[1] - 1
     reference = vehicle.reference_quantities()
-    harmonic = table.harmonic
     strain = np.einsum("cmxp,ijxm->ijcmp", response, harmonic, optimize=True)
     # An error of the internal pressure is in proportion to p_inf, as the outer pressure is; friction to q_inf.
-    strain[:, :, :, 0, 0] += per_ambient[first] + 0.7 * mach[:, None, None] ** 2 * per_dynamic[first]
+    dynamic = 0.7 * mach[:, None, None] ** 2 * gauges.per_dynamic[first]
+    strain[:, :, :, 0, 0] += gauges.per_ambient[first] + dynamic
     area = reference.area * np.array([1.0, 1.0, reference.length])
     of_load = loads_per_pressure(vehicle, structure.surface, harmonic.reshape(-1, *harmonic.shape[2:]))
     of_uniform = loads_per_pressure(
@@ -402,22 +368,35 @@ def flight_model(
     parity = np.where(np.arange(max_harmonic + 1) % 2, -1.0, 1.0)[None, :, None]
     return FlightModel(
         vehicle=vehicle.name,
-        gauge_names=names,
-        gauge_roll_angle=roll_angle,
+        gauge_names=gauges.names,
+        gauge_roll_angle=gauges.roll_angle,
         gauge_channel=channel,
         mach_knots=mach,
         incidence_knots=np.array([0.0, *incidence]),
         strain_table=_spline_table(mach, incidence, strain, parity),
         coefficient_table=_spline_table(mach, incidence, coefficient, np.array([1.0, -1.0, -1.0])),
-        strain_of_internal_pressure=unit,
+        strain_of_internal_pressure=gauges.response[:, 0, :, 0].sum(axis=1),
         internal_pressure=None if inside == "ambient" else inside,
         base_area=float(of_uniform[0, 0]),
         reference_area=reference.area,
         reference_length=reference.length,
         noise_std=noise_std,
-        apparent_strain=apparent,
+        apparent_strain=gauges.apparent,
         sensors=None if sensors is None else sensors.rows(n, noise_std),
-        provenance={**table.provenance, "as_built": record},
+        provenance={**table.provenance, "as_built": gauges.record},
+    )
+
+
+def _with_sensors(gauges: FlightGauges, sensors: BuiltSensors) -> FlightGauges:
+    """Return ``gauges`` with the auxiliary sensors behind them."""
+    return FlightGauges(
+        names=(*gauges.names, *sensors.names),
+        roll_angle=np.append(gauges.roll_angle, np.zeros(len(sensors.names))),
+        response=np.concatenate([gauges.response, sensors.response]),
+        apparent=np.append(gauges.apparent, sensors.offset),
+        per_ambient=np.append(gauges.per_ambient, sensors.per_ambient),
+        per_dynamic=np.append(gauges.per_dynamic, sensors.per_dynamic),
+        record=gauges.record,
     )
 
 
