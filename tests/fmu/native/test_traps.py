@@ -171,7 +171,7 @@ def test_no_exception_reaches_the_host_and_no_bit_follows_it(host: Path, case: C
     assert replayed(host, case, "traps") == plain
     assert replayed(host, case, "other") == plain
     found = np.frombuffer(plain).reshape(STEPS, -1)
-    whole = dict(zip(case.mesh.whole, found[:, len(case.outputs) :].T, strict=False))
+    whole = dict(zip(case.whole, found[:, len(case.outputs) :].T, strict=False))
     seen = {HealthState(int(one)) for one in np.unique(whole["health.state"])}
     assert {HealthState.OK, HealthState.INVALID, HealthState.INCONSISTENT, HealthState.DEGRADED} <= seen
     assert TareState.DONE in whole["tare_state"]
