@@ -210,8 +210,8 @@ def bus_run(folder: Path, rate: float, duration: float, burners: int = 0) -> Bus
                 sent: np.ndarray = _expect(sender)
             answers, summary = _ended(bridge)
         loops = []
-        for answers in ([], results):
-            with _child(_python_can, port, n_frames, answers) as counter:
+        for sent_too in ([], results):
+            with _child(_python_can, port, n_frames, sent_too) as counter:
                 _expect(counter)
                 with _child(_sender, folder, rate, port, min(duration, PYTHON_CAN_DURATION)) as sender:
                     again: np.ndarray = _expect(sender)
