@@ -33,7 +33,7 @@ large as it is; with 20 what it leaves of every coefficient is right within 9 %.
 PATTERNS = 5
 """Patterns over the flows of the error that each gauge has on its own."""
 
-BLOCK = 32
+BLOCK = 16
 """Gauges whose operators by all keys are in memory at once."""
 
 NEGLIGIBLE = 1e-12
@@ -115,9 +115,9 @@ def blocks_of(n_gauges: int) -> list[slice]:
 
 def _products(ensemble: Ensemble, operators: FloatArray) -> FloatArray:
     """Return (n, n_keys, n_keys) mean products, over the flows, of strain by ``operators`` of n gauges."""
-    strain = np.stack([ensemble.responses(operator) for operator in operators], axis=2)  # n_j, n, n_keys
+    strain = ensemble.responses(operators.reshape(-1, operators.shape[-1])).reshape(-1, *operators.shape[:2])
     weight = ensemble.member_weight[:, None]
-    return np.stack([of_gauge.T @ (weight * of_gauge) for of_gauge in np.moveaxis(strain, 1, 0)])
+    return np.stack([of_gauge.T @ (weight * of_gauge) for of_gauge in np.moveaxis(strain, 2, 0)])
 
 
 def _strongest(covariance: FloatArray, place: IntArray, product: FloatArray) -> FloatArray:
