@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+from scipy.linalg import solve_triangular
 from scipy.sparse import csr_array
 
 from builder.calibration.estimate.cause import Cause, Where
@@ -246,13 +247,15 @@ class Evidence:
         for where, axis in (("gauge", 1), ("case", 0)):
             for number in np.unique(places[:, axis]).tolist():
                 rows = np.flatnonzero(places[:, axis] == number)
-                value, axes = np.linalg.eigh(self._linear.precision_of(rows))
-                spread = 1.0 / np.maximum(value, 1e-300)
-                along = spread * (axes.T @ self._linear.weighted[rows])
-                gain, scatter = max(
-                    (0.5 * float(np.sum(along**2 * (1.0 / spread - 1.0 / wider) - np.log(wider / spread))), size)
-                    for size, wider in ((one, spread + one**2) for one in SCATTERS)
-                )
+                precision, left = self._linear.precision_of(rows), self._linear.weighted[rows]
+                gain, scatter = -np.inf, 0.0
+                for size in SCATTERS:
+                    root = np.linalg.cholesky(np.eye(len(rows)) + size**2 * precision)
+                    half = size * solve_triangular(root, left, lower=True)
+                    more = 0.5 * float(half @ half) - float(np.sum(np.log(np.diag(root))))
+                    if more < gain:
+                        break  # it has one maximum
+                    gain, scatter = more, size
                 kind: Where = "gauge" if where == "gauge" else "case"
                 entries = none.astype(np.int64)
                 yield Cause(where=kind, kind=kind, number=number, entries=entries, wide=none, factor=scatter), gain
