@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.sparse import csr_array
 from scipy.special import chdtrc
 
 from builder.calibration.estimate.estimated_vehicle import Estimate
@@ -169,7 +170,7 @@ class _Screen:
         mean = sound.mean
         best, most, text = None, -np.inf, ""
         for cause in self._causes(case, wrong):
-            chance, likelihood, size = self._fit(case, cause, mean, sound.covariance)
+            chance, likelihood, size = self._fit(case, cause, sound)
             if chance > FITS and likelihood > most:
                 best, most, text = cause, likelihood, cause.text + cause.size(size)
         if best is not None and best.kind != "load":
@@ -177,17 +178,18 @@ class _Screen:
         text, factor = self._by_a_factor(case, mean)
         return CaseFault(case=case, kind="load", text=text, factor=factor)
 
-    def _fit(self, case: int, cause: _Cause, mean: FloatArray, spread: FloatArray) -> tuple[float, float, float]:
+    def _fit(self, case: int, cause: _Cause, sound: GaussianModel) -> tuple[float, float, float]:
         """Return the probability of readings as far from a cause's, the logarithm of their density, its size.
 
-        ``mean`` and ``spread`` are mean and covariance of the vector by other cases, over its sigmas before.
+        ``sound`` is the model of the other cases.
         """
         at = np.flatnonzero(self.used[case])
         noise = self.model.test.reading_stds[case, at] ** 2 + (MODEL * cause.reading[at]) ** 2
-        covariance = cause.columns[at] @ spread @ cause.columns[at].T + np.diag(noise)
+        own, common = sound.precision.halves(csr_array(cause.columns[at]))
+        covariance = (own @ own.T).toarray() + common @ common.T + np.diag(noise)
         if cause.more is not None:
             covariance += cause.more[at] @ cause.more[at].T
-        left = self.reading[case, at] - cause.reading[at] - cause.columns[at] @ mean
+        left = self.reading[case, at] - cause.reading[at] - cause.columns[at] @ sound.mean
         weighted = np.linalg.solve(covariance, left)
         square = float(left @ weighted)
         size = 0.0 if cause.more is None else float(cause.more[at, 0] @ weighted)
