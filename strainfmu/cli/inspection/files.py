@@ -71,21 +71,25 @@ def inspect_artefact(path: Path, figures: Path | None, console: Console) -> None
     InputError
         The file is missing, damaged, or of a kind that is not shown.
     """
-    from builder.campaign import snapshots as snapshots_file
-    from builder.structure import structure_file
-    from strainfmu.cli.inspection.inverse_map import inspect_map
-    from strainfmu.cli.inspection.structure import inspect_structure
-
     if path.suffix.lower() == ".fmu":
         from strainfmu.cli.inspection.fmu import inspect_fmu
 
         inspect_fmu(path, console)
         return
     schema = schema_of(path)
-    folder = figures or path.with_name(f"{path.stem}_figures")
     if schema == map_file.SCHEMA:
+        from strainfmu.cli.inspection.inverse_map import inspect_map
+
         inspect_map(path, figures, console)
-    elif schema == snapshots_file.SCHEMA:
+        return
+
+    # A map needs no builder: it is imported for its own files alone.
+    from builder.campaign import snapshots as snapshots_file
+    from builder.structure import structure_file
+    from strainfmu.cli.inspection.structure import inspect_structure
+
+    folder = figures or path.with_name(f"{path.stem}_figures")
+    if schema == snapshots_file.SCHEMA:
         _inspect_snapshots(path, folder, console)
     elif schema == structure_file.SCHEMA:
         inspect_structure(path, folder, console)
