@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_array
 
-from builder.processors import processors
+from builder.processors import one_thread_of_blas, processors
 from builder.reporting import Progress
 from builder.structure.fourier.fourier_elasticity import (
     FourierStiffness,
@@ -238,8 +238,8 @@ def response_of_rows(
         return np.asarray((load.T @ adjoint).T)
 
     found = []
-    # Compiled code that solves lets other threads run.
-    with ThreadPoolExecutor(min(processors(), max_harmonic + 1)) as pool:
+    # Compiled code that solves lets other threads run; those of BLAS would wait for each other.
+    with one_thread_of_blas(), ThreadPoolExecutor(min(processors(), max_harmonic + 1)) as pool:
         for m, response in enumerate(pool.map(of_harmonic, range(max_harmonic + 1))):
             found.append(response)
             if progress is not None:
@@ -277,7 +277,7 @@ def response_to_fields(
         blocks = np.array_split(gauge_x, 1 + len(gauge_x) // STATIONS_AT_ONCE)
         return np.concatenate([strain_rows(mesh, x, m) @ moved for x in blocks if len(x)])
 
-    with ThreadPoolExecutor(min(processors(), len(fields))) as pool:
+    with one_thread_of_blas(), ThreadPoolExecutor(min(processors(), len(fields))) as pool:
         return list(pool.map(of_harmonic, range(len(fields))))
 
 
