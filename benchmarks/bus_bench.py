@@ -297,8 +297,8 @@ def _text_of(result: Result) -> str:
 
 
 def _python_can(end: Connection, port: int, n_frames: int, results: list[FrameLayout]) -> None:
-    """Receive and count with python-can alone, and send ``results`` behind every ``n_frames`` of others, no more;
-    report the number of frames and the load."""
+    """Receive and count with python-can alone, and send ``results`` after every ``n_frames`` received; report the
+    number of frames and the load."""
     can = import_can()
     settings = _settings(port)
     bus = can.Bus(interface=settings.interface, channel=settings.channel, **settings.options, fd=True)

@@ -131,7 +131,7 @@ class PacedBridge:
             bus.__class__ = type("Unstamped", (type(bus),), {})  # its messages have no time but the clock's
             return bus
 
-        bridge._connect = connected  # type: ignore[method-assign]
+        bridge._connect = connected  # type: ignore[method-assign]  # of this one bridge
         bridge._open_bus = opened
 
     def sender(self, layout: InputLayout, faults: Sequence[Fault] = (), trip: int = 1) -> FaultySender:

@@ -238,7 +238,7 @@ def response_of_rows(
         return np.asarray((load.T @ adjoint).T)
 
     found = []
-    # Compiled code that solves lets other threads run; those of BLAS would wait for each other.
+    # The solver releases the interpreter lock, so harmonics run in parallel; BLAS threads would compete.
     with one_thread_of_blas(), ThreadPoolExecutor(min(processors(), max_harmonic + 1)) as pool:
         for m, response in enumerate(pool.map(of_harmonic, range(max_harmonic + 1))):
             found.append(response)

@@ -5,7 +5,7 @@ steps of any length, because all areas of a step in which the whole plane grows 
 (x + dx)^2 - x^2. So each cell may take the longest step that is stable for it, as in pseudo-time, and the
 thin cells at the wall no longer set the pace of all. What then remains are a few slow modes, above all the layer
 of entropy at the wall, and extrapolation from several rounds of sweeps removes them (Anderson, J. ACM 12, 1965).
-Where vortices lift off the lee side, an extrapolation may lead away from the flow; sweeps alone go on there.
+Where vortices lift off the lee side, an extrapolation may increase the residual; from then on sweeps run alone.
 Arrays are as in :mod:`builder.aero.euler.scheme.march`; sweeps are compiled.
 """
 
