@@ -20,7 +20,6 @@ from builder.placement.flight_models import FlightParts, flight_model
 from builder.placement.gaussian_model import GaussianModel
 from builder.placement.limits import Limits, rules_of
 from builder.placement.lost_gauge import loss_ratios
-from builder.placement.rules import Rules
 from builder.placement.selection import best_of_starts, greedy, rounded
 from builder.reporting import Progress
 from builder.vehicle.gauges.sensor_entries import Ports, Sensors
@@ -63,25 +62,6 @@ def even_sites(study: Study, count: int) -> list[int]:
                 if len(on_station):
                     sites.append(int(on_station[np.argmin(apart[on_station])]))
     return sites[:count]
-
-
-def best_of_random(model: GaussianModel, rules: Rules, draws: int, seed: int = 0) -> list[int]:
-    """Return the best of ``draws`` choices at random that keep the rules."""
-    random, best, value = np.random.default_rng(seed), list[int](), np.inf
-    for _ in range(draws):
-        chosen = list(rules.forced)
-        blocked, remaining = rules.excluded_by(chosen), rules.left(chosen)
-        for site in random.permutation(model.n_sites).tolist():
-            if not blocked[site] and rules.cost[site] <= remaining + 1e-9:
-                chosen.append(site)
-                remaining -= float(rules.cost[site])
-                blocked |= rules.excluded_by([site])
-            if remaining < rules.cost.min():
-                break
-        reached = model.value(chosen)
-        if reached < value:
-            best, value = chosen, reached
-    return best
 
 
 COUNTS = (6, 9, 12, 18, 24, 36, 54, 72)

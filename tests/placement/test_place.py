@@ -22,11 +22,13 @@ from builder.manifold.nonlinear_build import with_manifold
 from builder.pipeline.place_and_review import review_layout, write_layout
 from builder.placement import curves, design, lost_gauge
 from builder.placement.candidates import CandidateGrid
-from builder.placement.curves import accuracy_curves, best_of_random, even_sites, qr_sites
+from builder.placement.curves import accuracy_curves, even_sites, qr_sites
 from builder.placement.design import Aim, Study, aimed, place, placement_study
 from builder.placement.flight_models import Kind, flight_states
+from builder.placement.gaussian_model import GaussianModel
 from builder.placement.limits import Limits, Zone, rules_of
 from builder.placement.review import DETECTED, Review, review_of
+from builder.placement.rules import Rules
 from builder.reporting import Silent
 from builder.reports.page.html import page_html
 from builder.reports.page.origin import origin_of
@@ -192,6 +194,25 @@ def test_a_loss_that_cannot_be_borne_is_named(linear: Study, monkeypatch: pytest
         number = found.lost.gauges.tolist().index(names.index(gauge))
         coefficient = COEFFICIENT_NAMES[int(np.argmax(found.lost.ratio[number]))]
         assert rest.startswith(f"{coefficient} rises to {worst[number]:.2f} times, more than {limit:g}")
+
+
+def best_of_random(model: GaussianModel, rules: Rules, draws: int, seed: int = 0) -> list[int]:
+    """Return the best of ``draws`` choices at random that keep the rules."""
+    random, best, value = np.random.default_rng(seed), list[int](), np.inf
+    for _ in range(draws):
+        chosen = list(rules.forced)
+        blocked, remaining = rules.excluded_by(chosen), rules.left(chosen)
+        for site in random.permutation(model.n_sites).tolist():
+            if not blocked[site] and rules.cost[site] <= remaining + 1e-9:
+                chosen.append(site)
+                remaining -= float(rules.cost[site])
+                blocked |= rules.excluded_by([site])
+            if remaining < rules.cost.min():
+                break
+        reached = model.value(chosen)
+        if reached < value:
+            best, value = chosen, reached
+    return best
 
 
 @pytest.mark.parametrize("kind", ["linear", "nonlinear"])

@@ -13,7 +13,7 @@ from builder.inverse.loads.covariance import load_covariance_by_terms
 from builder.inverse.solution import solve
 from builder.inverse.solved_map import on_observable_states
 from builder.reports.findings.coefficient_sources import coefficient_sources
-from builder.reports.findings.gauge_value import gauge_value, loss_growth
+from builder.reports.findings.gauge_value import gauge_value
 from builder.structure.fourier.fourier_model import StructuralModel
 from builder.vehicle.file import Vehicle
 from strainfmu.estimator.estimator import Estimator
@@ -54,13 +54,6 @@ def test_growth_of_pairs(case: ReportCase) -> None:
     for i in np.random.default_rng(3).choice(len(value.pairs), 40, replace=False):
         expected = rebuilt_std(case, value.pairs[i].tolist()) / std
         np.testing.assert_allclose(value.pair_growth[i], expected, rtol=1e-7)
-
-
-def test_growth_of_triples(case: ReportCase) -> None:
-    std = np.sqrt(np.diag(load_covariance(case.inverse_map)))
-    sets = np.array([[0, 7, 12], [3, 4, 5], [1, 20, 29]])
-    for lost, found in zip(sets, loss_growth(case.inverse_map, sets), strict=True):
-        np.testing.assert_allclose(found, rebuilt_std(case, lost.tolist()) / std, rtol=1e-7)
 
 
 def test_what_is_not_identified_is_infinite(parts: Parts) -> None:

@@ -1,16 +1,15 @@
 """Pressure and forces from one surface of a body to another surface of the same body.
 
 Consistent: each target node takes the source's pressure at its closest point. Pressures are right point by point;
-loads are as accurate as the two meshes agree. Conservative: forces, moments and virtual work are the source's,
-exactly, however coarse either mesh is and however wide the gap between them.
+loads are as accurate as the two meshes agree. Conservative: loads are the source's, exactly, however coarse either
+mesh is and however wide the gap between them.
 
 Values in cells (finite-volume results) have no nodes to interpolate between. First-order reconstruction
 (:func:`builder.aero.cfd.surface_transfer.reconstruct`) makes them linear over each triangle, on a mesh whose
 triangles share no nodes; that mesh is a source as any other.
 
 Source: C. Farhat, M. Lesoinne, P. Le Tallec, "Load and motion transfer algorithms for fluid/structure interaction
-problems with non-matching discrete interfaces", Comput. Methods Appl. Mech. Engrg. 157 (1998): closest points, and
-conservation by using the transposed map for displacements. The couple that makes the moment exact is ours.
+problems with non-matching discrete interfaces", Comput. Methods Appl. Mech. Engrg. 157 (1998): closest points.
 
 Mirror images of pressure on surfaces that have no grid.
 """
@@ -78,46 +77,6 @@ def nodal_force_operator(mesh: SurfaceMesh) -> sparse.csr_array:
     shape = (m, 3, 3, 3)
     index = (np.broadcast_to(rows, shape).ravel(), np.broadcast_to(columns, shape).ravel())
     return sparse.csr_array((entries.ravel(), index), shape=(3 * mesh.n_nodes, mesh.n_nodes))
-
-
-def conservative_force_map(source: SurfaceMesh, target: SurfaceMesh) -> sparse.csr_array:
-    """Return the map of nodal forces, sparse (3 n_target, 3 n_source); 3 i + k is component k at node i.
-
-    A source node's force f goes to the corners of the closest target triangle: its barycentric part w_i f, and a
-    couple omega x r_i that carries the moment of the gap, d x f, where r_i runs from the corners' mean and
-    I omega = d x f with I = sum_i (|r_i|^2 1 - r_i r_i^T). Total force and total moment are exact for any gap.
-    The transpose maps target displacements to the source with the same virtual work; rigid motions stay rigid.
-
-    Raises
-    ------
-    InputError
-        A target triangle in use has no area.
-    """
-    closest = closest_points(target, source.point, source.node_normal)
-    corner = target.point[target.triangle[closest.triangle]]
-    d = source.point - np.einsum("nk,nki->ni", closest.weight, corner)
-    r = corner - corner.mean(axis=1, keepdims=True)
-    square = np.einsum("nki,nki->n", r, r)
-    inertia = square[:, None, None] * np.eye(3) - np.einsum("nki,nkj->nij", r, r)
-    flat = target.area[closest.triangle] <= 1e-12 * square
-    if flat.any():
-        triangle = int(closest.triangle[np.flatnonzero(flat)[0]])
-        raise InputError(f"surface: triangle {triangle} has no area and cannot take forces")
-    couple = np.linalg.solve(inertia, _cross_matrix(d))
-    block = closest.weight[:, :, None, None] * np.eye(3) - _cross_matrix(r) @ couple[:, None]
-    rows = 3 * target.triangle[closest.triangle][:, :, None, None] + np.arange(3)[:, None]
-    columns = 3 * np.arange(source.n_nodes)[:, None, None, None] + np.arange(3)
-    index = (np.broadcast_to(rows, block.shape).ravel(), np.broadcast_to(columns, block.shape).ravel())
-    return sparse.csr_array((block.ravel(), index), shape=(3 * target.n_nodes, 3 * source.n_nodes))
-
-
-def _cross_matrix(vector: FloatArray) -> FloatArray:
-    """Return the matrices (..., 3, 3) of v x, for vectors (..., 3)."""
-    matrix = np.zeros((*vector.shape, 3))
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        matrix[..., i, j] = -vector[..., k]
-        matrix[..., j, i] = vector[..., k]
-    return matrix
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -214,11 +173,6 @@ def _carries_roll(mesh: SurfaceMesh, loads: FloatArray) -> bool:
     size = np.sqrt(np.sum(np.vstack([loads[1:3], roll_moment_operator(mesh)])[:, used] ** 2 / area[used], axis=1))
     span = float(np.hypot(mesh.point[:, 1], mesh.point[:, 2]).max())
     return bool(size[2] > LEAST_ROLL * span * size[:2].max())
-
-
-def conservative_pressure(source: SurfaceMesh, target: SurfaceMesh, pressure: FloatArray) -> FloatArray:
-    """Return :meth:`PressureMap.conservative` of net ``pressure`` (..., n_source): (..., n_target)."""
-    return pressure_map(source, target).conservative(pressure)
 
 
 MAX_GAP = 2e-3

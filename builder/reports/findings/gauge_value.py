@@ -257,14 +257,6 @@ def _of_nonlinear(inverse_map: InverseMap, manifold: ManifoldMap) -> GaugeValue:
     )
 
 
-def loss_growth(inverse_map: InverseMap, lost: IntArray) -> FloatArray:
-    """Return (n, 5) sigma of each load without gauges over sigma with all [1], for n sets ``lost`` (n, k).
-
-    Infinite where the gauges left do not identify the state (Case 1) or none is left.
-    """
-    return _growth(inverse_map, _gains(inverse_map), lost)
-
-
 def _growth(inverse_map: InverseMap, gains: _Gains, lost: IntArray) -> FloatArray:
     gain, precision, error, change, variance = gains
     whitening = inverse_root(inverse_map.noise_covariance)

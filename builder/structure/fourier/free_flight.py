@@ -18,7 +18,6 @@ from builder.structure.fourier.fourier_elasticity import (
     free_motions,
     reference_points_of_mass,
     rigid_motions,
-    roll_integral,
 )
 from builder.structure.fourier.meridian_mesh import MeridianMesh, line_nodes, locate_on_edge, quadratic_shape
 from strainfmu.arrays import FloatArray, IntArray
@@ -89,12 +88,6 @@ def inertia_matrix(mesh: MeridianMesh, harmonic: int) -> csr_array:
         ring = mass / (2.0 * np.pi) * np.einsum("ea,eb->eab", at, at)
         parts.append(_spread(mesh.outer_edge[edge], ring, len(mesh.node), along_axis))
     return csr_array(sum(parts[1:], parts[0]))
-
-
-def total_mass(mesh: MeridianMesh) -> float:
-    """Return the mass of a body [kg]."""
-    axial = rigid_motions(mesh, 0)
-    return float((axial.T @ (inertia_matrix(mesh, 0) @ axial))[0, 0]) * roll_integral(0)
 
 
 def held_at_points(mesh: MeridianMesh, stiffness: csc_array, harmonic: int) -> HarmonicSolver:

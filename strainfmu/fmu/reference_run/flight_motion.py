@@ -12,7 +12,7 @@ from strainfmu.estimator.map.nonlinear_map import ManifoldMap
 from strainfmu.estimator.other_loads import FIVE_LOADS
 from strainfmu.estimator.reference.air import air_data_at
 from strainfmu.estimator.reference.nonlinear import strain_covariance
-from strainfmu.fmu.reference_run.flight_path import FlightPath, flight_path
+from strainfmu.fmu.reference_run.flight_path import FlightPath
 from strainfmu.fmu.reference_run.reference_flight import ReferenceFlight, white_noise
 
 _PITCH, _YAW = (0.25, 0.55), 0.1
@@ -68,12 +68,3 @@ def free_precision(covariance: FloatArray, jacobian: FloatArray) -> FloatArray:
     vectors, value, _ = np.linalg.svd(columns / np.where(size > 0.0, size, 1.0), full_matrices=False)
     free = vectors[:, value > _ALIKE * value[0]]
     return np.asarray(whitening.T @ whitening - (whitening.T @ free) @ (free.T @ whitening))
-
-
-def clean_motion(inverse_map: InverseMap, n_rows: int) -> tuple[FloatArray, FloatArray]:
-    """Return (n, n_d) strains without errors [m/m] and (n,) q_inf [Pa] of the flight of a map with tables.
-
-    It ends where it begins.
-    """
-    path = flight_path(inverse_map, n_rows)
-    return flight_of_tables(inverse_map, path).strain, path.dynamic_pressure

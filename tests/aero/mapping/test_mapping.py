@@ -9,8 +9,6 @@ import pytest
 
 from builder.aero.cfd.surface_transfer import reconstruct
 from builder.aero.mapping.pressure_map import (
-    conservative_force_map,
-    conservative_pressure,
     consistent_map,
     nodal_force_operator,
     pressure_map,
@@ -117,35 +115,6 @@ def test_nodal_forces_are_those_of_the_pressure() -> None:
     np.testing.assert_allclose(loads, [force[0], force[2], force[1], moment[1], -moment[2]], atol=1e-13)
 
 
-@pytest.mark.parametrize("gap", [0.0, 5e-3, -5e-3])
-def test_force_and_moment_are_exact_over_any_gap(gap: float) -> None:
-    """Arbitrary nodal forces, the target grown or shrunk by 5 mm: totals equal to 1e-12 of the forces' sum."""
-    source, target = body(40, 36), body(61, 50)
-    target = SurfaceMesh(target.point + gap * target.node_normal, target.triangle)
-    force = np.random.default_rng(1).normal(size=3 * source.n_nodes)
-    size = np.abs(force).sum()
-    given, moment_given = force_and_moment(source, force)
-    mapped, moment_mapped = force_and_moment(target, conservative_force_map(source, target) @ force)
-    np.testing.assert_allclose(mapped, given, atol=1e-12 * size)
-    np.testing.assert_allclose(moment_mapped, moment_given, atol=1e-12 * size * BODY.length)
-
-
-def test_virtual_work_of_rigid_motions() -> None:
-    """The transpose moves the source rigidly when the target moves rigidly, to 1e-12, across a gap."""
-    source, target = body(40, 36), body(61, 50)
-    target = SurfaceMesh(target.point + 5e-3 * target.node_normal, target.triangle)
-    shift, turn = np.array([0.3, -1.0, 0.7]), np.array([0.2, 0.5, -0.4])
-    of_target = (shift + np.cross(turn, target.point)).ravel()
-    of_source = (shift + np.cross(turn, source.point)).ravel()
-    np.testing.assert_allclose(conservative_force_map(source, target).T @ of_target, of_source, atol=1e-12)
-
-
-def test_forces_on_a_triangle_without_area_are_refused() -> None:
-    flat = SurfaceMesh(np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0]]), np.array([[0, 1, 2]]))
-    with pytest.raises(InputError, match="triangle 0 has no area"):
-        conservative_force_map(plane(3, 0), flat)
-
-
 def pressure_field(mesh: SurfaceMesh) -> FloatArray:
     """Return a pressure with windward side and an axial gradient."""
     roll = np.arctan2(mesh.point[:, 1], mesh.point[:, 2])
@@ -156,7 +125,7 @@ def test_conservative_pressure_has_the_loads_of_the_source() -> None:
     """Five loads to 1e-13 of their size, where interpolation alone loses 0.1 % of the axial force and more."""
     source, target = body(40, 36), body(61, 50)
     given = np.stack([pressure_field(source), source.point[:, 2]])
-    mapped = conservative_pressure(source, target, given)
+    mapped = pressure_map(source, target).conservative(given)
     for x_ref in (0.0, 2.0):
         wanted = given @ mesh_load_operator(source, x_ref).T
         np.testing.assert_allclose(mapped @ mesh_load_operator(target, x_ref).T, wanted, atol=1e-13)
@@ -190,7 +159,7 @@ def test_rolling_moment_of_a_body_with_fins_is_kept() -> None:
     """A box of 2 x 1: pressure on its sides rolls it; six loads to rounding."""
     source, target = (box([0.0, -1.0, -0.5], [3.0, 1.0, 0.5], cells) for cells in ((6, 4, 4), (9, 7, 5)))
     given = np.where(source.point[:, 2] > 0.0, 1.0, -1.0) * source.point[:, 1] + source.point[:, 0]
-    mapped = conservative_pressure(source, target, given)
+    mapped = pressure_map(source, target).conservative(given)
     for loads in (lambda mesh: mesh_load_operator(mesh, 1.0), lambda mesh: roll_moment_operator(mesh)[None]):
         np.testing.assert_allclose(loads(target) @ mapped, loads(source) @ given, atol=1e-12)
     assert abs(roll_moment_operator(source) @ given) > 0.1
@@ -204,4 +173,4 @@ def test_load_that_pressure_cannot_carry_is_refused() -> None:
         plate.point @ np.array([[1.0, 0.0, 0.1], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]), plate.triangle
     )
     with pytest.raises(InputError, match="cannot carry the axial force"):
-        conservative_pressure(tilted, plate, np.ones(tilted.n_nodes))
+        pressure_map(tilted, plate).conservative(np.ones(tilted.n_nodes))

@@ -7,7 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from builder.structure.fourier.free_flight import total_mass
+from builder.structure.fourier.fourier_elasticity import rigid_motions, roll_integral
+from builder.structure.fourier.free_flight import inertia_matrix
+from builder.structure.fourier.meridian_mesh import MeridianMesh
 from builder.structure.fourier.shell_mesh import _wall_surfaces, shell_mesh
 from builder.structure.fourier.strain_operator import HarmonicResponse, harmonic_response
 from builder.structure.wall import FlightMasses, Material, RingFrame, Wall, WallRegion
@@ -31,6 +33,12 @@ def response(
     wall: Wall, stations: FloatArray, harmonics: int = 1, size: float = LENGTH_OF_ELEMENTS
 ) -> HarmonicResponse:
     return harmonic_response(shell_mesh(BODY, wall, size, 1), wall.material, stations, X, harmonics)
+
+
+def total_mass(mesh: MeridianMesh) -> float:
+    """Return the mass of a body [kg], by its acceleration along its axis."""
+    axial = rigid_motions(mesh, 0)
+    return float((axial.T @ (inertia_matrix(mesh, 0) @ axial))[0, 0]) * roll_integral(0)
 
 
 def uniform(wall: Wall, stations: FloatArray) -> tuple[FloatArray, FloatArray]:
