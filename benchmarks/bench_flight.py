@@ -13,7 +13,8 @@ from strainfmu.can.frame import Frame, protect
 from strainfmu.can.frame_layout import InputLayout
 from strainfmu.can.profiles import profile_layout
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.fmu.reference_run.flight_motion import clean_motion
+from strainfmu.fmu.reference_run.flight_motion import flight_of_tables
+from strainfmu.fmu.reference_run.flight_path import flight_path
 
 PROFILE = "fd64"
 
@@ -75,8 +76,8 @@ def _motion(inverse_map: InverseMap) -> tuple[FloatArray, FloatArray]:
     The mean strain of a map is the strain of no flight state: to a map with tables it is a fault, at any q_inf.
     """
     if inverse_map.manifold is not None:
-        strain, pressure = clean_motion(inverse_map, _DISTINCT + 1)
-        return strain[:-1], pressure[:-1]
+        path = flight_path(inverse_map, _DISTINCT + 1)
+        return flight_of_tables(inverse_map, path).strain[:-1], path.dynamic_pressure[:-1]
     swing = 1.0 + _SWING * np.sin(2.0 * np.pi * np.arange(_DISTINCT) / _DISTINCT)
     nominal = np.full(_DISTINCT, inverse_map.nominal_dynamic_pressure)
     return swing[:, None] * inverse_map.mean_strain, nominal
