@@ -110,8 +110,8 @@ def estimate(
                 raise InputError(f"{path}: {name}: expected none with a CAN log")
         if dynamic_pressure is not None and isnan(dynamic_pressure):
             raise InputError(f"{path}: --dynamic-pressure: expected a pressure with a CAN log, got nan")
-        given = {"input.dynamic_pressure_pa": dynamic_pressure, "zeros.file": zeros and Path(zeros)}
-        described = read_bus(None if bus is None else Path(bus), (), given)
+        option_values = {"input.dynamic_pressure_pa": dynamic_pressure, "zeros.file": zeros and Path(zeros)}
+        described = read_bus(None if bus is None else Path(bus), (), option_values)
         return replay_described(path, source, output, described, progress)
     if bus is not None:
         raise InputError(f"{path}: --bus: expected with a CAN log, got it with columns")

@@ -169,12 +169,12 @@ def write_hdf5_atomically(
     schema: str,
     schema_version: int,
     fill: Callable[[h5py.File], None],
-    built: str = "",
+    built_at: str = "",
 ) -> str:
     """Compose an HDF5 file in memory with ``fill``, stamp it and write it atomically.
 
     The file gets the root attributes ``schema``, ``schema_version``, ``content_hash`` and, unless it is "",
-    ``built``, the time at which it was made, which is no part of the hash; and ahead of the HDF5
+    ``built_at``, the time at which it was made, which is no part of the hash; and ahead of the HDF5
     part a user block with one line of text: ``strainfmu SCHEMA VERSION sha256 DIGEST``, the digest of all bytes
     behind the block. So a damaged file is found out before HDF5, which may hang on one, sees it.
 
@@ -190,8 +190,8 @@ def write_hdf5_atomically(
         file.attrs["schema_version"] = schema_version
         digest = content_hash(file)
         file.attrs[HASH_ATTRIBUTE] = digest
-        if built:
-            file.attrs[BUILT_ATTRIBUTE] = built
+        if built_at:
+            file.attrs[BUILT_ATTRIBUTE] = built_at
         file.flush()
         image = file.id.get_file_image()
     line = f"strainfmu {schema} {schema_version} sha256 {hashlib.sha256(image).hexdigest()}\n"

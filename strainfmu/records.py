@@ -40,12 +40,12 @@ def save_record(
     schema_version: int,
     units: Mapping[str, str],
     left_out: Callable[[Any], Collection[str]] = lambda record: (),
-    built: str = "",
+    built_at: str = "",
 ) -> str:
     """Write a dataclass ``record`` to ``path`` atomically and return its content hash.
 
     ``units`` holds the unit of each field; fields without one have the ``unit`` of their metadata, or 1.
-    ``left_out`` gives the fields of a record that are not written. ``built`` is the time that the file states,
+    ``left_out`` gives the fields of a record that are not written. ``built_at`` is the time that the file states,
     outside its hash; "" for none.
 
     Raises
@@ -55,7 +55,7 @@ def save_record(
     """
 
     return write_hdf5_atomically(
-        path, schema, schema_version, lambda file: write_record(file, record, units, left_out), built
+        path, schema, schema_version, lambda file: write_record(file, record, units, left_out), built_at
     )
 
 

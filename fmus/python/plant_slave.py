@@ -127,7 +127,7 @@ class PlantSlave(Fmi2Slave):
             self._held = True
             text = f"the trajectory ends at {self._trajectory.stop_time:g} s: its last condition is held"
             self.log(text, Fmi2Status.warning)
-        condition = self._trajectory.at(self._time)
+        condition = self._trajectory.condition_at(self._time)
         try:
             point = evaluate(self._model, condition, self._time)
         except InputError as error:

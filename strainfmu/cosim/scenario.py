@@ -91,7 +91,7 @@ def load_scenario(path: Path, folder: Path | None = None) -> Scenario:
         step_size=root.number("step_size_s", 0.01, 1e-6, stop_time),
         feedback=_feedback(root),
         start=_start(flight, vehicle),
-        noise_seed=flight.whole("noise_seed", 1, 2**31 - 1),
+        noise_seed=flight.integer("noise_seed", 1, 2**31 - 1),
         autopilot=_autopilot(root.table("autopilot")),
         commands=_commands(root, stop_time),
         faults=tuple(sorted((_fault(item, stop_time) for item in root.tables("fault")), key=lambda f: f.time)),
@@ -130,8 +130,8 @@ def _autopilot(table: TomlTable) -> AutopilotSettings:
         observer_rate=table.number("observer_rate_rad_per_s", default.observer_rate, 0.0, 1e3),
         largest_moment=table.number("largest_moment_N_m", default.largest_moment, 0.0, 1e12),
         hold_time=table.number("hold_time_s", default.hold_time, 0.0, 1e5),
-        confirmations=table.whole("confirmations", default.confirmations, 10**6),
-        largest_isolated=table.whole("largest_isolated", default.largest_isolated, 10**6),
+        confirmations=table.integer("confirmations", default.confirmations, 10**6),
+        largest_isolated=table.integer("largest_isolated", default.largest_isolated, 10**6),
     )
     table.finish()
     return settings

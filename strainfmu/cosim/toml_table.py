@@ -35,7 +35,7 @@ class TomlTable:
             raise self.fault(key, f"expected a number{bounds}, got {value!r}")
         return float(value)
 
-    def whole(self, key: str, default: int, high: int) -> int:
+    def integer(self, key: str, default: int, high: int) -> int:
         """Take a whole number from 0 to ``high``."""
         value = self.entries.get(key, default)
         if not isinstance(value, int) or isinstance(value, bool):

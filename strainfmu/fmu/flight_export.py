@@ -70,7 +70,7 @@ def fly(
     InputError, StrainfmuError
         A file is missing or wrong, an FMU failed in the first run, or something could not be written.
     """
-    folder, stage = Path(output), progress or (lambda title: nullcontext(lambda done, of: None))
+    folder, stage = Path(output), progress or (lambda title: nullcontext(lambda done, total: None))
     if ssp is not None:
         check_ssp_path(Path(ssp))
     loaded = load_scenario(Path(scenario), None if files is None else Path(files))

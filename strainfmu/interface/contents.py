@@ -77,17 +77,17 @@ def estimator_contents(inverse_map: InverseMap) -> dict[str, Any]:
         "vehicle": inverse_map.vehicle,
         "gauges": list(inverse_map.gauge_names[:n]),
         "gauge_noise_um_per_m": [float(f"{1e6 * std:.6g}") for std in inverse_map.noise_std[:n]],
-        **({"gauge_zeros_um_per_m": [1e6 * one for one in zeros]} if any(zeros) else {}),
-        "gauge_positions": [_stated_position(*at) for at in inverse_map.gauge_position[:n].tolist()],
+        **({"gauge_zeros_um_per_m": [1e6 * zero for zero in zeros]} if any(zeros) else {}),
+        "gauge_positions": [_stated_position(*position) for position in inverse_map.gauge_position[:n].tolist()],
         "sensors": dict(zip(inverse_map.gauge_names[n:], sensor_names(inverse_map), strict=True)),
         "temperature_sensors": list(inverse_map.thermal.sensor_names),
-        "validity": {one.quantity: one.text for one in ranges},
+        "validity": {span.quantity: span.text for span in ranges},
         "ranges": {
-            one.quantity: {"minimum": one.minimum, "maximum": one.maximum, "unit": one.unit} for one in ranges
+            span.quantity: {"minimum": span.minimum, "maximum": span.maximum, "unit": span.unit} for span in ranges
         },
         "envelope_score_limit": float(limit) if isfinite(limit) else None,
-        "load_places": {one.family.loads[0].output: list(one.places) for one in groups},
-        "signals": [_stated_signal(one) for one in estimator_arrays(estimator_interface(inverse_map))],
+        "load_places": {group.family.loads[0].output: list(group.places) for group in groups},
+        "signals": [_stated_signal(array) for array in estimator_arrays(estimator_interface(inverse_map))],
     }
 
 
@@ -108,25 +108,25 @@ def stated_contents(path: Path) -> FmuContents:
 def contents_from(text: bytes) -> FmuContents:
     """Return what the entry ``text`` states; what is not of the expected form is not stated."""
     try:
-        held = json.loads(text)
+        contents = json.loads(text)
     except (ValueError, RecursionError):
         return FmuContents()
-    if not isinstance(held, dict):
+    if not isinstance(contents, dict):
         return FmuContents()
-    noise = _list(held.get("gauge_noise_um_per_m"), _number)
-    zeros = _list(held.get("gauge_zeros_um_per_m"), _number)
-    limit = held.get("envelope_score_limit")
+    noise = _list(contents.get("gauge_noise_um_per_m"), _number)
+    zeros = _list(contents.get("gauge_zeros_um_per_m"), _number)
+    limit = contents.get("envelope_score_limit")
     return FmuContents(
-        vehicle=str(held.get("vehicle", "")),
-        gauges=_list(held.get("gauges"), _text),
-        gauge_noise=tuple(1e-6 * one for one in noise),
-        gauge_zeros=tuple(1e-6 * one for one in zeros),
-        positions=_list(held.get("gauge_positions"), _position),
-        temperature_sensors=_list(held.get("temperature_sensors"), _text),
+        vehicle=str(contents.get("vehicle", "")),
+        gauges=_list(contents.get("gauges"), _text),
+        gauge_noise=tuple(1e-6 * value for value in noise),
+        gauge_zeros=tuple(1e-6 * value for value in zeros),
+        positions=_list(contents.get("gauge_positions"), _position),
+        temperature_sensors=_list(contents.get("temperature_sensors"), _text),
         envelope_score_limit=limit if _number(limit) is not None else None,
-        places={name: _list(one, _text) for name, one in _entries(held, "load_places")},
-        ranges={name: found for name, one in _entries(held, "ranges") if (found := _range(one))},
-        validity={name: str(one) for name, one in _entries(held, "validity")},
+        places={name: _list(places, _text) for name, places in _entries(contents, "load_places")},
+        ranges={name: bounds for name, entry in _entries(contents, "ranges") if (bounds := _range(entry))},
+        validity={name: str(statement) for name, statement in _entries(contents, "validity")},
     )
 
 
@@ -156,34 +156,34 @@ def _stated_signal(signal: Variable) -> dict[str, Any]:
     return {name: value for name, value in known.items() if value not in (None, "", [])}
 
 
-def _entries(held: dict[str, Any], name: str) -> list[tuple[str, Any]]:
-    found = held.get(name)
-    return list(found.items()) if isinstance(found, dict) else []
+def _entries(contents: dict[str, Any], name: str) -> list[tuple[str, Any]]:
+    entries = contents.get(name)
+    return list(entries.items()) if isinstance(entries, dict) else []
 
 
-def _list(found: Any, read: Any) -> tuple[Any, ...]:
+def _list(entries: Any, read: Any) -> tuple[Any, ...]:
     """Return what ``read`` makes of each of a list; nothing if one of them is of another form."""
-    values = [read(one) for one in found] if isinstance(found, list) else []
-    return () if any(one is None for one in values) else tuple(values)
+    values = [read(entry) for entry in entries] if isinstance(entries, list) else []
+    return () if any(value is None for value in values) else tuple(values)
 
 
-def _text(one: Any) -> str | None:
-    return one if isinstance(one, str) else None
+def _text(value: Any) -> str | None:
+    return value if isinstance(value, str) else None
 
 
-def _number(one: Any) -> float | None:
-    is_number = isinstance(one, int | float) and not isinstance(one, bool)
-    return float(one) if is_number and isfinite(one) else None
+def _number(value: Any) -> float | None:
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    return float(value) if is_number and isfinite(value) else None
 
 
-def _position(one: Any) -> Position | None:
-    if not isinstance(one, dict):
+def _position(value: Any) -> Position | None:
+    if not isinstance(value, dict):
         return None
-    return Position(_number(one.get("x_m")), _number(one.get("roll_angle_deg")))
+    return Position(_number(value.get("x_m")), _number(value.get("roll_angle_deg")))
 
 
-def _range(one: Any) -> tuple[float, float] | None:
-    if not isinstance(one, dict):
+def _range(value: Any) -> tuple[float, float] | None:
+    if not isinstance(value, dict):
         return None
-    low, high = _number(one.get("minimum")), _number(one.get("maximum"))
+    low, high = _number(value.get("minimum")), _number(value.get("maximum"))
     return None if low is None or high is None else (low, high)

@@ -72,4 +72,4 @@ ENUMERATIONS: dict[str, tuple[str, Items]] = {
 
 def used_enumerations(declared: set[str | None]) -> dict[str, tuple[str, Items]]:
     """Return the entries of :data:`ENUMERATIONS` whose names are among ``declared``."""
-    return {name: one for name, one in ENUMERATIONS.items() if name in declared}
+    return {name: enumeration for name, enumeration in ENUMERATIONS.items() if name in declared}

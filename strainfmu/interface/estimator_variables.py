@@ -101,12 +101,14 @@ def estimator_interface(inverse_map: InverseMap) -> tuple[Variable, ...]:
         *_flow_inputs(inverse_map),
         *_parameters(inverse_map),
     )
-    whole = linear if inverse_map.manifold is None else flight_interface(linear, inverse_map.manifold, gauges)
-    whole = with_temperature_inputs(with_zero_parameters(whole, strain_gauges, zero_offset), inverse_map.thermal)
-    whole = with_filter_parameter(with_thrust_input(whole, inverse_map), inverse_map)
-    whole = with_tare_variables(with_other_load_outputs(whole, inverse_map), strain_gauges)
-    whole = with_later_inputs(with_parameter_inputs(whole, inverse_map), inverse_map.manifold)
-    return with_inertial_inputs(with_last_variables(whole, inverse_map), inverse_map)
+    variables = linear if inverse_map.manifold is None else flight_interface(linear, inverse_map.manifold, gauges)
+    variables = with_temperature_inputs(
+        with_zero_parameters(variables, strain_gauges, zero_offset), inverse_map.thermal
+    )
+    variables = with_filter_parameter(with_thrust_input(variables, inverse_map), inverse_map)
+    variables = with_tare_variables(with_other_load_outputs(variables, inverse_map), strain_gauges)
+    variables = with_later_inputs(with_parameter_inputs(variables, inverse_map), inverse_map.manifold)
+    return with_inertial_inputs(with_last_variables(variables, inverse_map), inverse_map)
 
 
 def output_values(estimate: Estimate, with_other_loads: bool = False) -> list[float]:
@@ -116,11 +118,11 @@ def output_values(estimate: Estimate, with_other_loads: bool = False) -> list[fl
     (:func:`~strainfmu.interface.other_load_variables.has_other_outputs`).
     """
     of_flight = flight_outputs(estimate) if len(estimate.air_data_used) > 0 else ()
-    others = other_load_values(estimate) if with_other_loads else ()
+    other_loads = other_load_values(estimate) if with_other_loads else ()
     return [
         *_linear_outputs(estimate),
         *of_flight,
-        *others,
+        *other_loads,
         *estimate.parameter_score.tolist(),
         float(estimate.usable),
     ]
@@ -144,7 +146,7 @@ def _linear_outputs(estimate: Estimate) -> list[float]:
 
 def estimator_arrays(interface: Sequence[Variable]) -> tuple[Variable, ...]:
     """Return the variables of the FMI 3.0 estimator in the order of their value references."""
-    has_sensors = any(one.name.startswith(SENSOR_PREFIX) for one in interface)
+    has_sensors = any(variable.name.startswith(SENSOR_PREFIX) for variable in interface)
     valid = "Whether each gauge, then each sensor, may be used; order of the inputs"
     return with_arrays(interface, {**ARRAYS, VALID: valid} if has_sensors else ARRAYS)
 
@@ -220,20 +222,20 @@ def _flow_inputs(inverse_map: InverseMap) -> list[Variable]:
     nominal, use = inverse_map.nominal_dynamic_pressure, _USE[inverse_map.follows_pressure]
     return [
         Variable(
-            name=one.name,
-            description=one.text_of_linear.format(of=inverse_map, not_given=NOT_GIVEN, use=use),
+            name=air_input.name,
+            description=air_input.text_of_linear.format(of=inverse_map, not_given=NOT_GIVEN, use=use),
             causality="input",
             kind="air data",
-            label=one.label,
-            symbol=one.symbol,
-            unit=one.unit,
-            display_unit=one.shown,
-            nominal=nominal if one.unit == "Pa" else None,
+            label=air_input.label,
+            symbol=air_input.symbol,
+            unit=air_input.unit,
+            display_unit=air_input.shown,
+            nominal=nominal if air_input.unit == "Pa" else None,
             minimum=0.0,
-            start=nominal if one.name == DYNAMIC_PRESSURE else 0.0,
+            start=nominal if air_input.name == DYNAMIC_PRESSURE else 0.0,
         )
-        for one in AIR_INPUTS
-        if one.name in FLOW_INPUTS
+        for air_input in AIR_INPUTS
+        if air_input.name in FLOW_INPUTS
     ]
 
 
@@ -254,19 +256,19 @@ def _parameters(inverse_map: InverseMap) -> list[Variable]:
     default = default_settings(inverse_map)
     return [
         Variable(
-            name=one.name,
-            description=one.text,
+            name=parameter.name,
+            description=parameter.text,
             causality="parameter",
             kind="parameter",
-            label=one.label,
+            label=parameter.label,
             variability="tunable",
-            unit=one.unit,
-            display_unit=one.shown,
-            minimum=setting_minimum(one.name),
+            unit=parameter.unit,
+            display_unit=parameter.shown,
+            minimum=setting_minimum(parameter.name),
             maximum=LARGEST_SETTING,
-            start=getattr(default, one.name),
+            start=getattr(default, parameter.name),
         )
-        for one in SETTING_INPUTS
+        for parameter in SETTING_INPUTS
     ]
 
 
@@ -299,16 +301,16 @@ def _estimated_loads(inverse_map: InverseMap, gauges: tuple[str, ...]) -> list[V
     values = [
         Variable(
             name=name,
-            description=f"{one.label}, {one.sense}",
+            description=f"{load.label}, {load.sense}",
             causality="output",
-            unit=one.unit,
-            display_unit=f"k{one.unit}",
-            nominal=_nominal(scale * (length if one.unit == "N.m" else 1.0) * max(abs(low), abs(high))),
+            unit=load.unit,
+            display_unit=f"k{load.unit}",
+            nominal=_nominal(scale * (length if load.unit == "N.m" else 1.0) * max(abs(low), abs(high))),
             depends_on=(*gauges, *flow),
-            initially_depends_on=(OF_READINGS, OF_STATION) if one.unit == "N.m" else (OF_READINGS,),
+            initially_depends_on=(OF_READINGS, OF_STATION) if load.unit == "N.m" else (OF_READINGS,),
             array=name.partition(".")[0],
         )
-        for (name, one), (low, high) in zip(LOADS.items(), inverse_map.coefficient_range, strict=True)
+        for (name, load), (low, high) in zip(LOADS.items(), inverse_map.coefficient_range, strict=True)
     ]
     return [*values, *map(deviation_of, values)]
 

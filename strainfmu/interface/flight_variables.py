@@ -50,10 +50,12 @@ def flight_interface(
     names of strains and flags.
     """
     variables = (*linear, *_navigation_inputs(manifold), *_air_data(manifold))
-    texts = {one.name: _text(one, manifold) for one in AIR_INPUTS} | _FLIGHT_TEXT
+    texts = {air_input.name: _text(air_input, manifold) for air_input in AIR_INPUTS} | _FLIGHT_TEXT
     return tuple(
-        _of_flight_state(replace(one, description=texts.get(one.name, one.description)), manifold, gauges)
-        for one in variables
+        _of_flight_state(
+            replace(variable, description=texts.get(variable.name, variable.description)), manifold, gauges
+        )
+        for variable in variables
     )
 
 
@@ -74,24 +76,24 @@ def with_last_variables(interface: tuple[Variable, ...], inverse_map: InverseMap
     manifold = inverse_map.manifold
     inputs = [
         _air_input(
-            one,
-            one.text_of_linear.format(of=inverse_map, not_given=NOT_GIVEN)
+            air_input,
+            air_input.text_of_linear.format(of=inverse_map, not_given=NOT_GIVEN)
             if manifold is None
-            else _text(one, manifold),
+            else _text(air_input, manifold),
         )
-        for one in AIR_INPUTS
-        if one.is_last
+        for air_input in AIR_INPUTS
+        if air_input.is_last
     ]
-    names = tuple(one.name for one in inputs)
-    state = next(one for one in interface if one.name == STATE)
+    names = tuple(variable.name for variable in inputs)
+    state = next(variable for variable in interface if variable.name == STATE)
     # With a linear map the source of q_inf moves its deviation alone.
     of_pressure = names if manifold is not None else (*FLOW_INPUTS[2:], Q_SOURCE)
 
-    def depending(one: Variable) -> Variable:
-        if one.causality != "output" or FLOW_INPUTS[1] not in one.depends_on:
-            return one
-        more = names if one.name == STATE else of_pressure
-        return replace(one, depends_on=tuple(dict.fromkeys((*one.depends_on, *more))))
+    def depending(variable: Variable) -> Variable:
+        if variable.causality != "output" or FLOW_INPUTS[1] not in variable.depends_on:
+            return variable
+        more = names if variable.name == STATE else of_pressure
+        return replace(variable, depends_on=tuple(dict.fromkeys((*variable.depends_on, *more))))
 
     before = map(depending, interface)
     usable = replace(
@@ -109,46 +111,48 @@ def with_inertial_inputs(interface: tuple[Variable, ...], inverse_map: InverseMa
     """
     if not inverse_map.has_masses:
         return interface
-    inputs = [_air_input(one, one.text) for one in INERTIAL_INPUTS]
-    names = tuple(one.name for one in inputs)
+    inputs = [_air_input(air_input, air_input.text) for air_input in INERTIAL_INPUTS]
+    names = tuple(variable.name for variable in inputs)
     before = (
-        replace(one, depends_on=(*one.depends_on, *names))
-        if one.causality == "output" and one.name != VALID_GAUGES and one.depends_on
-        else one
-        for one in interface
+        replace(variable, depends_on=(*variable.depends_on, *names))
+        if variable.causality == "output" and variable.name != VALID_GAUGES and variable.depends_on
+        else variable
+        for variable in interface
     )
     return (*before, *inputs)
 
 
-def _air_input(one: AirInput, text: str) -> Variable:
-    is_source = one.name == Q_SOURCE
+def _air_input(air_input: AirInput, text: str) -> Variable:
+    is_source = air_input.name == Q_SOURCE
     return Variable(
-        name=one.name,
+        name=air_input.name,
         description=text,
         causality="input",
         kind="air data",
-        label=one.label,
-        symbol=one.symbol,
+        label=air_input.label,
+        symbol=air_input.symbol,
         variability="discrete" if is_source else "continuous",
         fmi_type="Enumeration" if is_source else "Real",
         declared_type=Q_SOURCE_TYPE if is_source else None,
-        unit=None if is_source else one.unit,
-        display_unit=one.shown,
-        minimum=None if one.is_signed or is_source else 0.0,
-        start=int(one.start) if is_source else one.start,
+        unit=None if is_source else air_input.unit,
+        display_unit=air_input.shown,
+        minimum=None if air_input.is_signed or is_source else 0.0,
+        start=int(air_input.start) if is_source else air_input.start,
     )
 
 
 def _navigation_inputs(manifold: ManifoldMap, are_later: bool = False) -> list[Variable]:
     """Return what the tables take of navigation besides :data:`FLOW_INPUTS`."""
     return [
-        _air_input(one, _text(one, manifold)) for one in AIR_INPUTS if one.of_tables and one.is_later == are_later
+        _air_input(air_input, _text(air_input, manifold))
+        for air_input in AIR_INPUTS
+        if air_input.of_tables and air_input.is_later == are_later
     ]
 
 
-def _text(one: AirInput, manifold: ManifoldMap) -> str:
+def _text(air_input: AirInput, manifold: ManifoldMap) -> str:
     """Return the description of an input of a map with tables."""
-    return one.text.format(of=manifold, not_given=NOT_GIVEN)
+    return air_input.text.format(of=manifold, not_given=NOT_GIVEN)
 
 
 def _air_data(manifold: ManifoldMap) -> list[Variable]:
@@ -196,17 +200,19 @@ _FLIGHT_TEXT: dict[str, str] = {
 """Descriptions that differ for a map with tables over the flight state."""
 
 
-def _of_flight_state(one: Variable, manifold: ManifoldMap, gauges: tuple[str, ...]) -> Variable:
+def _of_flight_state(variable: Variable, manifold: ManifoldMap, gauges: tuple[str, ...]) -> Variable:
     """Return a variable as a map with tables has it: every output depends on all gauges and navigation."""
-    if one.name == ENVELOPE_SCORE:
-        one = replace(one, description=f"{one.description}; OUTSIDE above {manifold.outside_score:g}")
-    if one.name == DYNAMIC_PRESSURE:
-        return replace(one, start=0.0)
-    if one.causality != "output" or one.name == VALID_GAUGES:
-        return one
-    of_flow = one.name.startswith(("health", "air_data", "sigma.air_data", "identified", "navigation_used"))
+    if variable.name == ENVELOPE_SCORE:
+        variable = replace(
+            variable, description=f"{variable.description}; OUTSIDE above {manifold.outside_score:g}"
+        )
+    if variable.name == DYNAMIC_PRESSURE:
+        return replace(variable, start=0.0)
+    if variable.causality != "output" or variable.name == VALID_GAUGES:
+        return variable
+    of_flow = variable.name.startswith(("health", "air_data", "sigma.air_data", "identified", "navigation_used"))
     return replace(
-        one,
+        variable,
         depends_on=(*gauges, *FLOW_INPUTS, *NAVIGATION_INPUTS),
         initially_depends_on=PARAMETERS[:2] if of_flow else PARAMETERS,
     )

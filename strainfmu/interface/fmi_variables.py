@@ -100,9 +100,9 @@ def shown_unit(variable: Variable) -> tuple[str, float]:
 
 def unit_shown(unit: str, shown: str | None) -> tuple[str, float]:
     """Return the unit ``shown`` that people read of values in ``unit``, and the factor to it."""
-    for one in UNITS:
-        for display in one.display_units:
-            if one.name == unit and display.name == shown:
+    for definition in UNITS:
+        for display in definition.display_units:
+            if definition.name == unit and display.name == shown:
                 return display.name, display.factor
     return unit, 1.0
 

@@ -54,10 +54,14 @@ def other_air_data(*, is_nonlinear: bool, has_masses: bool) -> tuple[str, ...]:
     return tuple(name for name in OTHER_AIR_DATA if name not in not_taken)
 
 
-_SIGNED = {one.name for one in SAMPLE_INPUTS if one.is_signed}
+_SIGNED = {sample_input.name for sample_input in SAMPLE_INPUTS if sample_input.is_signed}
 
 
-FLOW_KEYS = {one.name: with_unit(one.name, one.unit) for one in AIR_INPUTS if one.name in FLOW_QUANTITIES}
+FLOW_KEYS = {
+    air_input.name: with_unit(air_input.name, air_input.unit)
+    for air_input in AIR_INPUTS
+    if air_input.name in FLOW_QUANTITIES
+}
 """Keys of the flow in the datagrams of a bridge, by name: they end on the unit."""
 
 

@@ -45,15 +45,17 @@ def with_minimal_inputs(interface: Sequence[Variable]) -> tuple[Variable, ...]:
     A lost gauge is a strain of NaN then. What the map needs in addition, as temperatures, is there.
     """
     few = {*AIR_INPUT_NAMES}.difference(_MINIMAL_AIR_INPUTS)
-    return _without(interface, few | {one.name for one in interface if VALID in (one.array, one.name)})
+    return _without(
+        interface, few | {variable.name for variable in interface if VALID in (variable.array, variable.name)}
+    )
 
 
 def fed_by_frames(interface: Sequence[Variable]) -> tuple[Variable, ...]:
     """Return outputs, which change at events, and parameters, of an FMU whose inputs come in frames."""
-    inputs = {one.name for one in interface if one.causality == "input"}
+    inputs = {variable.name for variable in interface if variable.causality == "input"}
     return tuple(
-        replace(one, variability="discrete") if one.causality == "output" else one
-        for one in _without(interface, inputs)
+        replace(variable, variability="discrete") if variable.causality == "output" else variable
+        for variable in _without(interface, inputs)
     )
 
 
@@ -64,9 +66,13 @@ def _without(interface: Sequence[Variable], left_out: Collection[str]) -> tuple[
         return tuple(name for name in names if name not in left_out)
 
     return tuple(
-        replace(one, depends_on=listed(one.depends_on), initially_depends_on=listed(one.initially_depends_on))
-        for one in interface
-        if one.name not in left_out
+        replace(
+            variable,
+            depends_on=listed(variable.depends_on),
+            initially_depends_on=listed(variable.initially_depends_on),
+        )
+        for variable in interface
+        if variable.name not in left_out
     )
 
 

@@ -33,7 +33,7 @@ def with_other_load_outputs(interface: Sequence[Variable], inverse_map: InverseM
     """
     known = {variable.name: variable for variable in interface}
     arrays = load_arrays(groups_of_outputs(inverse_map))
-    return (*interface, *(variable for one in arrays for variable in _variables(one, known)))
+    return (*interface, *(variable for array in arrays for variable in _variables(array, known)))
 
 
 def other_load_values(estimate: Estimate) -> list[float]:

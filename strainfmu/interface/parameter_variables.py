@@ -50,11 +50,11 @@ def with_parameter_inputs(interface: Sequence[Variable], inverse_map: InverseMap
         f"{low:g} to {high:g}" for low, high in zip(known.minimum.tolist(), known.maximum.tolist(), strict=True)
     ]
     named = list(zip(known.names, ranges, strict=True))
-    before = (_depending(one, inverse_map) for one in interface)
+    before = (_depending(variable, inverse_map) for variable in interface)
     deviations = [_deviation(name) for name in known.names] if follows_parameters(inverse_map) else []
     use = "sharpens the estimate where its sigma is stated" if deviations else "for health alone"
-    values = [_value(name, f"{use}, {held} in the map") for name, held in named]
-    return (*before, *values, *(_score(name, held) for name, held in named), *deviations)
+    values = [_value(name, f"{use}, {bounds} in the map") for name, bounds in named]
+    return (*before, *values, *(_score(name, bounds) for name, bounds in named), *deviations)
 
 
 def _depending(variable: Variable, inverse_map: InverseMap) -> Variable:
@@ -76,10 +76,10 @@ def _value(name: str, text: str) -> Variable:
     )
 
 
-def _score(name: str, held: str) -> Variable:
+def _score(name: str, bounds: str) -> Variable:
     return Variable(
         name=f"{OUTSIDE_PREFIX}{name}",
-        description=f"Part of its range, {held}, by which {name} leaves it, 0 inside or not known; "
+        description=f"Part of its range, {bounds}, by which {name} leaves it, 0 inside or not known; "
         f"OUTSIDE above {PARAMETER_TOLERANCE:g}",
         causality="output",
         kind="health",

@@ -142,14 +142,14 @@ def _flight_condition() -> list[Variable]:
         pressure,
         *(
             Variable(
-                name=one.name,
-                description=_CONDITION_TEXT[one.name],
+                name=quantity.name,
+                description=_CONDITION_TEXT[quantity.name],
                 causality="output",
-                unit=one.unit,
-                display_unit=None if one.shown == one.unit else one.shown,
-                minimum=0.0 if one.name == MACH_NUMBER else None,
+                unit=quantity.unit,
+                display_unit=None if quantity.shown == quantity.unit else quantity.shown,
+                minimum=0.0 if quantity.name == MACH_NUMBER else None,
             )
-            for one in CONDITION_QUANTITIES
+            for quantity in CONDITION_QUANTITIES
         ),
     ]
 
@@ -213,17 +213,17 @@ def native_plant_interface(
 ) -> tuple[Variable, ...]:
     """Return the variables of the native plant FMU in the order of their value references."""
     index = {name: f"[{i}]" for i, name in enumerate(reading_names(vehicle), start=1)}
-    given = {
+    input_names = {
         Motion.INPUTS: CONDITION_NAMES,
         Motion.TRAJECTORY: (),
         Motion.SHORT_PERIOD: tuple(name for name in CONDITION_NAMES if name != ANGLE_OF_ATTACK),
     }[motion]
     variables = []
     for variable in plant_interface(vehicle):
-        if variable.name in given:
+        if variable.name in input_names:
             variable = replace(variable, causality="input", start=getattr(start, variable.name))
         elif variable.causality == "output":
-            variable = _with_dependencies(variable, given, motion, index.get(variable.name))
+            variable = _with_dependencies(variable, input_names, motion, index.get(variable.name))
         elif variable.name == "seed":
             variable = replace(variable, maximum=2**31 - 1, start=seed)
         variables.append(variable)
@@ -231,17 +231,19 @@ def native_plant_interface(
     return (*variables, *_faults(vehicle), *tail)
 
 
-def _with_dependencies(output: Variable, given: tuple[str, ...], motion: Motion, row: str | None) -> Variable:
+def _with_dependencies(
+    output: Variable, input_names: tuple[str, ...], motion: Motion, row: str | None
+) -> Variable:
     """Return an output with the inputs that it depends on, and the parameters that its first value depends on.
 
     ``row`` is the index of a reading, in brackets.
 
     Outside the envelope coefficients, strains and dynamic pressure are NaN: all depend on the whole condition.
     """
-    depends_on: tuple[str, ...] = given
+    depends_on: tuple[str, ...] = input_names
     initial = ("initial_angle_of_attack",) if motion is Motion.SHORT_PERIOD else ()
     if row is not None:
-        depends_on = (*given, f"fault_kind{row}", f"fault_value{row}")
+        depends_on = (*input_names, f"fault_kind{row}", f"fault_value{row}")
     elif output.name != DYNAMIC_PRESSURE and output.name not in COEFFICIENTS:
         depends_on = ()
     return replace(output, depends_on=depends_on, initially_depends_on=(*output.initially_depends_on, *initial))

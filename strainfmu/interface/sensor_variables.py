@@ -39,14 +39,14 @@ def sensor_names(vehicle: SensedVehicle) -> tuple[str, ...]:
     What an identifier cannot hold is an underscore there; of two names that are the same then, the later one ends
     by the number of its row.
     """
-    found: dict[str, None] = {}
+    names: dict[str, None] = {}
     first = vehicle.n_strain_gauges
     for number, name in enumerate(vehicle.gauge_names[first:], start=first + 1):
         known = PREFIX + identifier(name)
-        while known in found:
+        while known in names:
             known = f"{known}_{number}"
-        found[known] = None
-    return tuple(found)
+        names[known] = None
+    return tuple(names)
 
 
 def identifier(name: str) -> str:
@@ -57,8 +57,8 @@ def identifier(name: str) -> str:
 def reading_units(inverse_map: InverseMap) -> dict[str, str]:
     """Return the unit, as FMI has it, of each auxiliary sensor and of thrust by name of the input."""
     units = fmi_units(inverse_map.sensors)[inverse_map.n_strain_gauges :]
-    found = dict(zip(sensor_names(inverse_map), units, strict=True))
-    return found | ({THRUST: "N"} if has_thrust(inverse_map) else {})
+    unit_of_sensor = dict(zip(sensor_names(inverse_map), units, strict=True))
+    return unit_of_sensor | ({THRUST: "N"} if has_thrust(inverse_map) else {})
 
 
 def reading_names(vehicle: SensedVehicle) -> tuple[str, ...]:
@@ -126,7 +126,9 @@ def with_thrust_input(interface: Sequence[Variable], inverse_map: InverseMap) ->
         start=0.0,
     )
     outputs = (
-        replace(one, depends_on=(*one.depends_on, THRUST)) if one.causality == "output" else one
-        for one in interface
+        replace(variable, depends_on=(*variable.depends_on, THRUST))
+        if variable.causality == "output"
+        else variable
+        for variable in interface
     )
     return (*outputs, thrust)

@@ -24,8 +24,8 @@ TARE_ARRAYS = {
 def zero_in_use_names(n_gauges: int) -> tuple[str, ...]:
     """Return the names of the zeros in use, of their sigmas, and of the sigma that they have in common."""
     value, std, common = ZEROS_IN_USE
-    each = range(1, n_gauges + 1)
-    return (*(f"{value}[{i}]" for i in each), *(f"{std}[{i}]" for i in each), common)
+    numbers = range(1, n_gauges + 1)
+    return (*(f"{value}[{i}]" for i in numbers), *(f"{std}[{i}]" for i in numbers), common)
 
 
 def with_tare_variables(interface: Sequence[Variable], gauge_names: Sequence[str]) -> tuple[Variable, ...]:

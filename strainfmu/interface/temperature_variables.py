@@ -30,10 +30,10 @@ def with_temperature_inputs(interface: Sequence[Variable], thermal: ThermalMap) 
     if not names:
         return tuple(interface)
     outputs = (
-        replace(one, depends_on=(*one.depends_on, *names))
-        if one.causality == "output" and one.name != VALID_GAUGES
-        else one
-        for one in interface
+        replace(variable, depends_on=(*variable.depends_on, *names))
+        if variable.causality == "output" and variable.name != VALID_GAUGES
+        else variable
+        for variable in interface
     )
     inputs = (
         Variable(

@@ -18,8 +18,8 @@ ZERO_ARRAYS = {
 
 def zero_names(n_gauges: int) -> tuple[str, ...]:
     """Return the names of zeros, of their sigmas, and of the sigma that they have in common."""
-    each = range(1, n_gauges + 1)
-    return (*(f"zero[{i}]" for i in each), *(f"zero_std[{i}]" for i in each), ZERO_COMMON_STD)
+    numbers = range(1, n_gauges + 1)
+    return (*(f"zero[{i}]" for i in numbers), *(f"zero_std[{i}]" for i in numbers), ZERO_COMMON_STD)
 
 
 def with_zero_parameters(
@@ -33,10 +33,10 @@ def with_zero_parameters(
     names = zero_names(len(gauge_names))
     start = dict(zip(names, zero_offset, strict=False))
     outputs = tuple(
-        replace(one, initially_depends_on=(*one.initially_depends_on, *names))
-        if one.causality == "output" and one.name != VALID_GAUGES
-        else one
-        for one in interface
+        replace(variable, initially_depends_on=(*variable.initially_depends_on, *names))
+        if variable.causality == "output" and variable.name != VALID_GAUGES
+        else variable
+        for variable in interface
     )
     return (*outputs, *(_parameter(name, gauge_names, start.get(name, 0.0)) for name in names))
 

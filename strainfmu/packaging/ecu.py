@@ -114,8 +114,8 @@ def _tables(
     for angle in MEASURED_ANGLES:
         if angle in plan.quantities and f"{angle}{STD}" not in plan.quantities:
             constants.setdefault(f"{angle}{STD}", ANGLE_ERROR)
-    frames, others = composition(tuple(results))
-    keys = [(key, slot) for key, slot in plan.slots.items()] + [(one.key, -1) for one in results]
+    frames, other_loads = composition(tuple(results))
+    keys = [(key, slot) for key, slot in plan.slots.items()] + [(frame.key, -1) for frame in results]
     record = plan.record.copy()
     for name in plan.tables:
         record[name] = 0  # an address, the reader's own
@@ -125,7 +125,7 @@ def _tables(
         np.array(keys, dtype=_KEY),
         np.array([_taken(name, references) for name in plan.quantities], dtype=_QUANTITY),
         np.array([_taken(name, references, value) for name, value in constants.items()], dtype=_QUANTITY),
-        np.array([(references[name], 0, step) for name, step in others.outputs.items()], dtype=_OTHER),
+        np.array([(references[name], 0, step) for name, step in other_loads.outputs.items()], dtype=_OTHER),
         frame_table([(layout, kind) for layout, kind, _ in frames]),
         np.concatenate([signal_table(layout) for layout, _, _ in frames]).astype(SIGNAL),
         np.concatenate([sources for _, _, sources in frames]).astype("i4"),

@@ -130,7 +130,7 @@ def sender_part(bus_path: Path, model: FlightModel, variables: Mapping[str, int]
         )
     frames = _sent_frames(layout, variables)
     results = result_layouts(result_form(options, layout), options.identifiers, layout.cycle_time)
-    answer = next(one for one in results if one.cycle_time and "AnsweredCounter" in _names(one))
+    answer = next(frame for frame in results if frame.cycle_time and "AnsweredCounter" in _names(frame))
     answered = [name for name in ("AnsweredCounter", "E2E_Counter", "SampleTime") if name in _names(answer)]
     setup = np.array([(layout.cycle_time, answer.key, answer.length)], dtype=_SETUP)
     rows = [row for frame in frames for row in _sources(frame, layout, variables)]
@@ -159,7 +159,7 @@ def _names(layout: FrameLayout) -> list[str]:
 def _sent_frames(layout: InputLayout, variables: Mapping[str, int]) -> list[InputFrame]:
     """Return the frames in the order of their transmission, if anything in them is known."""
     state = () if layout.state is None else (layout.state,)
-    flow = [one for one in layout.flow_frames if any(signal.quantity in variables for signal in one.flow)]
+    flow = [frame for frame in layout.flow_frames if any(signal.quantity in variables for signal in frame.flow)]
     return [*state, *flow, *layout.strain_frames]
 
 
@@ -175,8 +175,11 @@ def _table(frame: InputFrame) -> Any:
 
 def _sources(frame: InputFrame, layout: InputLayout, variables: Mapping[str, int]) -> list[tuple[int, int, float]]:
     """Return where the value of each signal comes from, as :mod:`strainfmu.can.encoder` has it."""
-    own = frame.layout
-    rows = [(_CONSTANT, 0, float(one.initial or 0) * one.scale + one.offset) for one in own.signals]
+    frame_layout = frame.layout
+    rows = [
+        (_CONSTANT, 0, float(signal.initial or 0) * signal.scale + signal.offset)
+        for signal in frame_layout.signals
+    ]
     for index, gauge in zip(frame.indices, frame.gauges, strict=True):
         rows[index] = (variables[f"{STRAIN}[{gauge + 1}]"], 0, 0.0)
     for signal in frame.flow:
@@ -191,9 +194,9 @@ def _sources(frame: InputFrame, layout: InputLayout, variables: Mapping[str, int
         for role, source in _HEARD.items():
             if (index := getattr(frame, role)) is not None:
                 rows[index] = (source, 0, layout.first_of_cycle.tick)
-    if own.multiplexer is not None:
-        selector, number = own.multiplexer
-        rows[own.index_of(selector.name)] = (_CONSTANT, 0, number * selector.scale + selector.offset)
+    if frame_layout.multiplexer is not None:
+        selector, number = frame_layout.multiplexer
+        rows[frame_layout.index_of(selector.name)] = (_CONSTANT, 0, number * selector.scale + selector.offset)
     return rows
 
 
@@ -203,7 +206,9 @@ def export_recording(recording: Path, flight_model_path: Path, fmu_path: Path, b
     options = bus.options(BridgeOptions(interface="", channel=""))
     names = model.gauge_names[: model.n_strain_gauges]
     with recorded_samples(recording, names, options.dynamic_pressure) as samples:
-        rows = [(*one.strain, one.dynamic_pressure, one.mach_number, one.altitude) for one in samples]
+        rows = [
+            (*sample.strain, sample.dynamic_pressure, sample.mach_number, sample.altitude) for sample in samples
+        ]
     times = tuple(options.cycle_time * cycle for cycle in range(len(rows)))
     columns = dict(zip((*strain_names(len(names)), *FLOW_QUANTITIES), np.array(rows).T, strict=True))
     for name in NAVIGATION:

@@ -129,13 +129,13 @@ def plant(
     names = [item.name.lower() for item in Motion]
     if motion not in names:
         raise InputError(f"--motion: expected one of {', '.join(names)}, got '{motion}'")
-    given = {
+    flight_options = {
         "--mach-number": mach_number,
         "--altitude": altitude,
         "--angle-of-attack": angle_of_attack,
         "--sideslip": sideslip,
     }
-    named = [name for name, value in given.items() if value is not None]
+    named = [name for name, value in flight_options.items() if value is not None]
     if named and motion == Motion.TRAJECTORY.name.lower():
         raise InputError(f"{named[0]}: not with --motion trajectory, whose table states it")
     model = load_flight_model(Path(flight_model))

@@ -178,7 +178,7 @@ def test_the_published_map_on_the_manoeuvre(
 ) -> None:
     """Rms errors of C_N and C_Y below 0.6 % of their range, 3 sigma hold, and the bands are no wider than that."""
     trajectory = load_trajectory(vehicle.beside(vehicle.truth.manoeuvre))
-    conditions = [trajectory.at(time) for time in np.arange(0.0, 20.0, 0.2).tolist()]
+    conditions = [trajectory.condition_at(time) for time in np.arange(0.0, 20.0, 0.2).tolist()]
     strain, coefficients = independent_data(vehicle, truth, conditions)
     error, sigma = errors(published(vehicle, structure, ic3x_demo, {}), conditions, strain, coefficients)
     rms = np.sqrt(np.mean(error**2, axis=(0, 1)))

@@ -301,7 +301,7 @@ def test_plant_of_kind_python_has_sensors(scenario: Scenario, tmp_path: Path) ->
     export_plant(sensed.flight_model, tmp_path / "trajectory.csv", tmp_path / "plant.fmu")
     recording = simulate(System({"plant": tmp_path / "plant.fmu"}, ()), 0.2, 0.01)
     model, trajectory = load_flight_model(sensed.flight_model), load_trajectory(tmp_path / "trajectory.csv")
-    exact = [evaluate(model, trajectory.at(t)).strain for t in recording.time.tolist()]
+    exact = [evaluate(model, trajectory.condition_at(t)).strain for t in recording.time.tolist()]
     read = np.column_stack([recording[f"plant.{name}"] for name in model.reading_names])
     noise = (read - np.array(exact)) / (model.noise_std * model.noise_scale)
     assert np.abs(noise.std(axis=0) - 1.0).max() < 0.5

@@ -31,7 +31,7 @@ def inspect_fmu(path: Path, console: Console) -> None:
     )
     rows = {
         "description": description.description,
-        "FMI": f"{description.fmiVersion}, {', '.join(k for k, held in kinds.items() if held is not None)}",
+        "FMI": f"{description.fmiVersion}, {', '.join(k for k, section in kinds.items() if section is not None)}",
         "kind": contents.get("kind"),
         "platforms": ", ".join(platforms) or "none: sources only",
         "guid": description.guid,

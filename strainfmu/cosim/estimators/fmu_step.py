@@ -173,7 +173,7 @@ class FmuStep:
         step_size: float,
         mask: bytes | None = None,
         /,
-        **others: float,
+        **inputs: float,
     ) -> StepResult:
         """Do one step.
 
@@ -183,7 +183,7 @@ class FmuStep:
         dynamic_pressure : q_inf [Pa], NaN if not known.
         step_size : [s].
         mask : bytes of (n_d,) bool, the gauges whose strains are finite; None to look for them.
-        others : values of ``other_inputs``, in SI units; one that is not given stays as it is.
+        inputs : values of ``other_inputs``, in SI units; one that is not given stays as it is.
 
         Raises
         ------
@@ -195,7 +195,7 @@ class FmuStep:
         numbers, place = self._numbers, self._place
         self._strain_inputs[:] = strain
         numbers[self.n_gauges] = dynamic_pressure
-        for name, value in others.items():
+        for name, value in inputs.items():
             numbers[place[name]] = value
         for std in self._angle_stds:
             if not numbers[std] > 0.0:
@@ -212,8 +212,8 @@ class FmuStep:
             raise self._after(error) from error
         values = self._values.copy()
         chi_square, *more, health = values.tolist()[FIRST_NUMBER:]
-        others = dict(zip(self.other_outputs, more, strict=True))
-        return StepResult(values[:5], values[5:FIRST_NUMBER], int(health), chi_square, others)
+        outputs = dict(zip(self.other_outputs, more, strict=True))
+        return StepResult(values[:5], values[5:FIRST_NUMBER], int(health), chi_square, outputs)
 
     def set_zeros(self, zeros: GaugeZeros) -> None:
         """Let the FMU take ``zeros`` off its strains, from the next step on.

@@ -128,28 +128,28 @@ class MapStep:
         *,
         mach_number: float = nan,
         altitude: float = nan,
-        **others: float,
+        **inputs: float,
     ) -> StepResult:
         """Do one step; its result does not depend on ``step_size``.
 
-        ``others`` are temperatures [K], p_inf and standard deviations of navigation, flow parameters and their
+        ``inputs`` are temperatures [K], p_inf and standard deviations of navigation, flow parameters and their
         standard deviations, readings of auxiliary sensors and thrust [N] by name of the FMU's input; one that is
         not given is not known, but thrust, which is 0 then.
         """
         warm = None
-        if self._temperatures and others:
-            warm = np.array([others.get(name, nan) for name in self._temperatures])
+        if self._temperatures and inputs:
+            warm = np.array([inputs.get(name, nan) for name in self._temperatures])
         of_flow: dict[str, Any] = {MACH_NUMBER: mach_number, ALTITUDE: altitude, TEMPERATURE: warm}
-        of_flow |= given_flow({name: others[name] for name in self._flow if name in others})
+        of_flow |= given_flow({name: inputs[name] for name in self._flow if name in inputs})
         names = [name.removeprefix(PARAMETER_PREFIX) for name in self._parameters]
         if names:
-            of_flow["parameters"] = {name: others.get(PARAMETER_PREFIX + name, nan) for name in names}
+            of_flow["parameters"] = {name: inputs.get(PARAMETER_PREFIX + name, nan) for name in names}
         if self._stds:
-            of_flow["parameters_std"] = given_flow({name: others.get(STD_PREFIX + name, nan) for name in names})
+            of_flow["parameters_std"] = given_flow({name: inputs.get(STD_PREFIX + name, nan) for name in names})
         if self._sensors:
-            strain = np.append(strain, [others.get(name, nan) for name in self._sensors])
+            strain = np.append(strain, [inputs.get(name, nan) for name in self._sensors])
         if THRUST in self.reading_units:
-            of_flow |= given_thrust(others)
+            of_flow |= given_thrust(inputs)
         estimate = self._estimator.track(strain, dynamic_pressure, **of_flow)
         outputs = {ENVELOPE_SCORE: estimate.envelope_score}
         outputs |= {

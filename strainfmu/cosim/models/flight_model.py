@@ -201,7 +201,7 @@ def check_envelope(
     steps = np.diff(trajectory.time)
     times = np.append(np.add(trajectory.time[:-1, None], np.outer(steps, fractions)), trajectory.stop_time)
     for time in times.tolist():
-        condition, when = trajectory.at(time), f" at time {time:.6g} s"
+        condition, when = trajectory.condition_at(time), f" at time {time:.6g} s"
         try:
             _cell(mach_knots, condition.mach_number, MACH_NUMBER, 1.0, "", when)
             _cell(incidence_knots, condition.total_incidence, "total incidence", degrees(1.0), " deg", when)
@@ -294,7 +294,7 @@ def save_flight_model(model: FlightModel, path: str | PathLike[str]) -> str:
     StrainfmuError
         The file could not be written; what was there before is untouched.
     """
-    return save_record(model, path, SCHEMA, SCHEMA_VERSION, _UNITS, built=build_time())
+    return save_record(model, path, SCHEMA, SCHEMA_VERSION, _UNITS, built_at=build_time())
 
 
 def load_flight_model(path: str | PathLike[str]) -> FlightModel:

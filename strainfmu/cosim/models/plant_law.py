@@ -121,7 +121,7 @@ def _at(
 
 def _condition(plant: Plant, inputs: Mapping[str, float], angle: float, time: float) -> FlightCondition:
     if plant.trajectory is not None:
-        return plant.trajectory.at(time)
+        return plant.trajectory.condition_at(time)
     values = [inputs.get(name, getattr(plant.start, name)) for name in CONDITION_NAMES]
     if plant.motion is Motion.SHORT_PERIOD:
         values[1] = angle

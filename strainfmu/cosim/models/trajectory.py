@@ -44,7 +44,7 @@ class Trajectory:
         """Time of the last row [s]."""
         return float(self.time[-1])
 
-    def at(self, time: float) -> FlightCondition:
+    def condition_at(self, time: float) -> FlightCondition:
         """Return the flight condition at ``time`` [s]; outside the rows it is the nearest row's."""
         t = min(max(time, 0.0), self.stop_time)
         i = min(int(np.searchsorted(self.time, t, side="right")) - 1, len(self.time) - 2)

@@ -433,7 +433,7 @@ def save_inverse_map(inverse_map: InverseMap, path: str | PathLike[str], built: 
     state = "Pa" if inverse_map.case == 1 else "1"
     units = {name: stated.unit.replace("state", state) for name, stated in entries(inverse_map).items()}
     built = built or build_time()
-    return save_record(inverse_map, Path(path), SCHEMA, SCHEMA_VERSION, units, left_out, built=built)
+    return save_record(inverse_map, Path(path), SCHEMA, SCHEMA_VERSION, units, left_out, built_at=built)
 
 
 def load_inverse_map(path: str | PathLike[str]) -> InverseMap:

@@ -116,7 +116,7 @@ def header() -> str:
 
 
 def _arrays_of(group: Group) -> list[Stored]:
-    named = {name for other in GROUPS if other.part == group.part for name in other.names}
+    named = {name for sibling in GROUPS if sibling.part == group.part for name in sibling.names}
     shared = {"table", "row", "channel", "cosine", "sine", "fixed_response"}
     arrays = [array for array in LAYOUT if array.part == group.part]
     if group.names:

@@ -152,7 +152,7 @@ def python_plant_reference(model: FlightModel, trajectory: Trajectory, seed: int
 
 def _python_plant_run(model: FlightModel, trajectory: Trajectory, seed: int) -> ReferenceRun | None:
     time = _times(covering_step(trajectory.stop_time, N_ROWS - 1), N_ROWS)
-    conditions = [trajectory.at(t) for t in time]
+    conditions = [trajectory.condition_at(t) for t in time]
     try:
         points = [evaluate(model, condition) for condition in conditions]
     except InputError:

@@ -104,8 +104,8 @@ def _with_known(inverse_map: InverseMap, known: dict[str, float]) -> InverseMap:
         modes = inverse_map.thermal_and_inertia
         at_rest = np.full((1, modes.n_sensors), thermal.reference_temperature)
         # No inertial unit measures anything.
-        left = amplitudes(modes, at_rest, np.arange(modes.n_sensors) < thermal.n_sensors).covariance[0]
-        noise = row_noise(inverse_map, inverse_map.gauge_covariance, left=left)
+        unknown = amplitudes(modes, at_rest, np.arange(modes.n_sensors) < thermal.n_sensors).covariance[0]
+        noise = row_noise(inverse_map, inverse_map.gauge_covariance, left=unknown)
         inverse_map = with_gauge_covariance(inverse_map, noise)
         manifold = inverse_map.manifold
     stds = parameter_std_names(inverse_map)

@@ -28,21 +28,21 @@ def test_between_the_rows_it_is_scipys_pchip(tmp_path: Path, n_rows: int) -> Non
     scale = np.array([1.0, np.pi / 180.0, np.pi / 180.0, 1e3])
     expected = PchipInterpolator(time, columns * scale)
     for t in np.linspace(0.0, time[-1], 101):
-        np.testing.assert_allclose(trajectory.at(t).as_tuple(), expected(t), rtol=1e-12, atol=1e-9)
+        np.testing.assert_allclose(trajectory.condition_at(t).as_tuple(), expected(t), rtol=1e-12, atol=1e-9)
 
 
 def test_outside_the_rows_it_stays(tmp_path: Path) -> None:
     trajectory = load_trajectory(write_trajectory(tmp_path / "t.csv"))
     assert trajectory.stop_time == 0.4
-    assert trajectory.at(9.0) == trajectory.at(0.4)
-    assert trajectory.at(-1.0) == trajectory.at(0.0)
-    assert trajectory.at(0.4).altitude == pytest.approx(22e3)
+    assert trajectory.condition_at(9.0) == trajectory.condition_at(0.4)
+    assert trajectory.condition_at(-1.0) == trajectory.condition_at(0.0)
+    assert trajectory.condition_at(0.4).altitude == pytest.approx(22e3)
 
 
 def test_a_constant_column_stays_exactly_constant(tmp_path: Path) -> None:
     rows = f"{HEAD}\n0,5.1,0.1,0,20\n1,5.1,0.1,0,21\n3,5.1,0.1,0,25\n"
     trajectory = load_trajectory(write_trajectory(tmp_path / "t.csv", rows))
-    assert {trajectory.at(t).mach_number for t in np.linspace(0.0, 3.0, 99)} == {5.1}
+    assert {trajectory.condition_at(t).mach_number for t in np.linspace(0.0, 3.0, 99)} == {5.1}
 
 
 def test_a_byte_order_mark_and_blank_lines_do_no_harm(tmp_path: Path) -> None:

@@ -47,7 +47,7 @@ def test_the_chain_has_no_delay_and_is_right_from_the_start(synthetic: Synthetic
     assert recording.instances == ("plant", "estimator")
     assert len(recording.time) == 41
     for row, time in enumerate(recording.time):
-        point = evaluate(model, trajectory.at(time))
+        point = evaluate(model, trajectory.condition_at(time))
         estimate = estimator.estimate(point.strain, point.dynamic_pressure)
         for k, (coefficient, load) in enumerate(zip(COEFFICIENTS, LOADS, strict=True)):
             assert recording[f"plant.{coefficient}"][row] == pytest.approx(point.coefficients[k], rel=1e-12)

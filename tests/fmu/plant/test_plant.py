@@ -97,8 +97,8 @@ def test_trajectory(fmus: dict[Motion, Path], synthetic: SyntheticFiles, tmp_pat
         plant.set(["noise_std"], [0.0])
         plant.initialize()
         for k in range(60):  # beyond the end, where the last condition stays
-            point = evaluate(MODEL, trajectory.at(k * STEP))
-            assert_close(plant.get(CONDITION), np.array(trajectory.at(k * STEP).as_tuple()))
+            point = evaluate(MODEL, trajectory.condition_at(k * STEP))
+            assert_close(plant.get(CONDITION), np.array(trajectory.condition_at(k * STEP).as_tuple()))
             assert_close(plant.get(STRAINS), point.strain)
             plant.fmu.doStep(k * STEP, STEP)
 

@@ -173,7 +173,7 @@ def test_the_plant_flies_its_trajectory(synthetic: SyntheticFiles) -> None:
     result = run(synthetic.plant, noise_std=0.0)
     model, trajectory = load_flight_model(synthetic.flight_model), load_trajectory(synthetic.trajectory)
     for row in (0, 1, 777, 2500, -1):
-        condition = trajectory.at(result["time"][row])
+        condition = trajectory.condition_at(result["time"][row])
         point = evaluate(model, condition)
         np.testing.assert_allclose(strains(result)[row], point.strain, rtol=1e-9)
         assert [result[name][row] for name in COEFFICIENTS] == pytest.approx(point.coefficients, rel=1e-9)

@@ -61,8 +61,8 @@ def test_newtonian_engine_needs_surfaces(tmp_path: Path) -> None:
 def test_manoeuvre_has_a_column_per_parameter(tmp_path: Path) -> None:
     path = VEHICLES / "finned_body_manoeuvre.csv"
     trajectory = load_trajectory(path, ("fin_roll_deg",))
-    assert trajectory.at(2.0).parameters == (3.0,)
-    assert -2.5 < trajectory.at(3.0).parameters[0] < 3.0
+    assert trajectory.condition_at(2.0).parameters == (3.0,)
+    assert -2.5 < trajectory.condition_at(3.0).parameters[0] < 3.0
     with pytest.raises(InputError, match=r"row 1: expected the header 'time_s,.*altitude_km', got"):
         load_trajectory(path)
     changed = tmp_path / "m.csv"
