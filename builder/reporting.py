@@ -31,7 +31,7 @@ class Silent:
 
     @contextmanager
     def stage(self, title: str) -> Iterator[Progress]:
-        yield lambda done, of: None
+        yield lambda done, total: None
 
     def note(self, text: str) -> None:
         return None

@@ -135,18 +135,18 @@ def load_study(path: Path) -> StudyFile:
     InputError
         The file is missing, no TOML, or wrong: one line for each entry.
     """
-    found = read_sections(path, StudyFile, "file of a trade study", _faults)
-    vehicle = path.parent / found.vehicle
+    study_file = read_sections(path, StudyFile, "file of a trade study", _faults)
+    vehicle = path.parent / study_file.vehicle
     if not vehicle.is_file():
-        raise InputError(f"{path}: vehicle: expected a vehicle file next to it, got '{found.vehicle}'")
-    return found
+        raise InputError(f"{path}: vehicle: expected a vehicle file next to it, got '{study_file.vehicle}'")
+    return study_file
 
 
 def _faults(study: StudyFile) -> list[str]:
     both = sorted(study.set.keys() & study.sweep.keys())
     faults = [f"sweep.{name}: expected in one of [set] and [sweep], got both" for name in both]
     for name, values in study.sweep.items():
-        if len({repr(one) for one in values}) < len(values):
+        if len({repr(value) for value in values}) < len(values):
             faults.append(f"sweep.{name}: expected each value once, got {values}")
     count = prod(len(values) for values in study.sweep.values())
     if count > MOST_DESIGNS:
@@ -233,7 +233,7 @@ def run_study(
     designs = designs_of(study)
     vehicles = [vehicle_of(path, study, design) for design in designs]
     tasks = _tasks(study, designs, vehicles, folder.resolve(), reporter)
-    found = run_tasks(
+    scores = run_tasks(
         tasks,
         folder / SCORES,
         reporter,
@@ -244,7 +244,7 @@ def run_study(
         memory=MEMORY_LIMIT,
     )
     rows, faults = list[Row](), list[str]()
-    for design, score in zip(designs, found, strict=True):
+    for design, score in zip(designs, scores, strict=True):
         if isinstance(score, str):
             faults.append(f"{design.name} ({design.text}): {score}")
         else:

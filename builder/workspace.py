@@ -30,10 +30,10 @@ class Misfit:
 
     entry: str
     expected: str
-    found: str
+    actual: str
 
     def __str__(self) -> str:
-        return f"{self.entry}: expected {self.expected}, got {self.found}"
+        return f"{self.entry}: expected {self.expected}, got {self.actual}"
 
 
 def refuse_misfits(path: Path | str, misfits: Sequence[Misfit], remedy: str = "") -> None:
@@ -60,9 +60,11 @@ class Cache:
     """
 
     def __init__(self, vehicle_folder: Path) -> None:
-        given = os.environ.get(SHARED_VARIABLE)
+        setting = os.environ.get(SHARED_VARIABLE)
         shipped = vehicle_folder.resolve() == Path(__file__).parent / "vehicles"
-        self.folder = Path(given) if given else None if shipped or given is not None else vehicle_folder / SHARED
+        self.folder = (
+            Path(setting) if setting else None if shipped or setting is not None else vehicle_folder / SHARED
+        )
 
     def find(self, name: str, inputs: Mapping[str, Any]) -> Path | None:
         """Return the file ``name`` that a command made from ``inputs``, None where there is none."""
@@ -144,23 +146,23 @@ class Workspace:
         """Return whether a file ``name`` was made here, whatever has become of it."""
         return name in self._manifest()
 
-    def given(self, name: str) -> dict[str, str]:
+    def files_given(self, name: str) -> dict[str, str]:
         """Return what was given besides the inputs when ``name`` was made here."""
-        held = self._manifest().get(name, {}).get("given", {})
-        return held if isinstance(held, dict) and self.path(name).is_file() else {}
+        files = self._manifest().get(name, {}).get("given", {})
+        return files if isinstance(files, dict) and self.path(name).is_file() else {}
 
     def ensure(
         self,
         name: str,
         inputs: Mapping[str, Any],
         make: Callable[[Path], object],
-        given: Mapping[str, str] | None = None,
+        files_given: Mapping[str, str] | None = None,
         *,
         shared: bool = False,
     ) -> str:
         """Make ``name`` with ``make(path)`` unless it is up to date; return from where it was reused, else "".
 
-        ``make`` must write its file atomically. The manifest is written only after it; it keeps ``given``.
+        ``make`` must write its file atomically. The manifest is written only after it; it keeps ``files_given``.
         """
         made_from = made_from_of(inputs)
         self._made_from[name] = made_from
@@ -174,8 +176,8 @@ class Workspace:
             make(path)
         entries = self._manifest()
         entries[name] = {"made_from": made_from, "sha256": _sha256(path)}
-        if given:
-            entries[name]["given"] = dict(given)
+        if files_given:
+            entries[name]["given"] = dict(files_given)
         text = json.dumps(entries, indent=1, sort_keys=True)
         write_bytes_atomically(self.path(MANIFEST), text.encode())
         if cache and not source:

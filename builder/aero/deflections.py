@@ -43,7 +43,7 @@ class Deflection:
     value: FloatArray
     shift: FloatArray
 
-    def at(self, value: float) -> FloatArray:
+    def shift_at(self, value: float) -> FloatArray:
         """Return by how much the nodes (n, 3) move at ``value`` [m], linear between the known ones.
 
         Raises

@@ -141,10 +141,10 @@ def run_campaign(campaign: Campaign, path: Path, scheduling: Scheduling, reporte
             failed=failed,
         )
         snapshots = snapshots_of_flows(campaign, flows, failed)
-        kept = KeptFlows(fingerprint(engine.inputs()), tuple(flows[key] for key in sorted(flows)))
-        up_to_date = _holds(path, snapshots, kept)
+        kept_flows = KeptFlows(fingerprint(engine.inputs()), tuple(flows[key] for key in sorted(flows)))
+        up_to_date = _holds(path, snapshots, kept_flows)
         if not up_to_date:
-            save_snapshots(snapshots, path, kept)
+            save_snapshots(snapshots, path, kept_flows)
         journal.remove()
     return CampaignResult(snapshots, tally, up_to_date)
 
@@ -296,10 +296,10 @@ def _flows_of_file(path: Path, engine_hash: str) -> dict[FlowKey, Flow]:
     return {flow.key: flow for flow in file_flows.flows} if file_flows.fingerprint == engine_hash else {}
 
 
-def _holds(path: Path, snapshots: Snapshots, kept: KeptFlows) -> bool:
+def _holds(path: Path, snapshots: Snapshots, kept_flows: KeptFlows) -> bool:
     """Return whether the file at ``path`` already holds exactly this."""
     try:
-        return _equal(load_snapshots(path), snapshots) and _equal(load_flows(path), kept)
+        return _equal(load_snapshots(path), snapshots) and _equal(load_flows(path), kept_flows)
     except InputError:
         return False
 

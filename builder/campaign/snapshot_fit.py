@@ -38,7 +38,7 @@ def vehicle_misfits(snapshots: Snapshots, vehicle: Vehicle) -> list[Misfit]:
     surface = outer_surface(vehicle, vehicle.resolution.map)[0]
     expected, extent = (np.ptp(points, axis=0) for points in (surface.point, snapshots.point))
     return [
-        Misfit(entry=f"extent of the surface along {axis}", expected=f"{wanted:.6g} m", found=f"{actual:.6g} m")
+        Misfit(entry=f"extent of the surface along {axis}", expected=f"{wanted:.6g} m", actual=f"{actual:.6g} m")
         for axis, wanted, actual in zip("xyz", expected, extent, strict=True)
         if abs(actual - wanted) > SAME_LENGTH * expected.max()
     ]
@@ -51,7 +51,7 @@ def body_misfits(snapshots: Snapshots, body: BodyOfRevolution) -> list[Misfit]:
         return profile_misfits(profile, body)
     length = float(np.ptp(snapshots.point[:, 0]))
     if abs(length / body.length - 1.0) > SAME_LENGTH:
-        return [Misfit(entry="length of the surface", expected=f"{body.length:.6g} m", found=f"{length:.6g} m")]
+        return [Misfit(entry="length of the surface", expected=f"{body.length:.6g} m", actual=f"{length:.6g} m")]
     grid = snapshots.grid
     if grid is None:
         return []
@@ -60,7 +60,7 @@ def body_misfits(snapshots: Snapshots, body: BodyOfRevolution) -> list[Misfit]:
     if abs(grid.radius[worst] - expected[worst]) <= SAME_SURFACE * body.length:
         return []
     where = f"radius at x = {grid.x[worst]:.4g} m"
-    return [Misfit(entry=where, expected=f"{expected[worst]:.6g} m", found=f"{grid.radius[worst]:.6g} m")]
+    return [Misfit(entry=where, expected=f"{expected[worst]:.6g} m", actual=f"{grid.radius[worst]:.6g} m")]
 
 
 def option_misfits(snapshots: Snapshots, vehicle: Vehicle) -> list[Misfit]:
@@ -78,7 +78,7 @@ def option_misfits(snapshots: Snapshots, vehicle: Vehicle) -> list[Misfit]:
         return []
     engine_name = options.get("engine") or vehicle.aerodynamics.engine
     if engine_name != snapshots.engine:
-        return [Misfit(entry="aerodynamics.engine", expected=engine_name, found=snapshots.engine)]
+        return [Misfit(entry="aerodynamics.engine", expected=engine_name, actual=snapshots.engine)]
     engine = make_engine(vehicle, engine_name, vehicle.resolution.map, options.get("grid"))
     campaign = vehicle_campaign(vehicle, engine)
     wanted, inputs = _plain(engine.inputs()), snapshots.settings.get("inputs", {})
@@ -89,11 +89,11 @@ def option_misfits(snapshots: Snapshots, vehicle: Vehicle) -> list[Misfit]:
     if len(conditions) != len(campaign.conditions):
         return [
             *misfits,
-            Misfit(entry="conditions", expected=f"{len(campaign.conditions)}", found=f"{len(conditions)}"),
+            Misfit(entry="conditions", expected=f"{len(campaign.conditions)}", actual=f"{len(conditions)}"),
         ]
     for number, (taken, asked) in enumerate(zip(conditions, campaign.conditions, strict=True), start=1):
         if taken != asked:
-            return [*misfits, Misfit(entry=f"condition {number}", expected=str(asked), found=str(taken))]
+            return [*misfits, Misfit(entry=f"condition {number}", expected=str(asked), actual=str(taken))]
     return misfits
 
 
@@ -185,16 +185,16 @@ def replaced_line(path: Path, campaign: Campaign) -> str | None:
     return f"{path}: held {flow_line(present)}; replaced"
 
 
-def _differences(expected: Any, found: Any, where: str) -> list[Misfit]:
+def _differences(expected: Any, actual: Any, where: str) -> list[Misfit]:
     """Return the entries in which two JSON values differ."""
-    if isinstance(expected, dict) and isinstance(found, dict):
-        names = sorted(expected.keys() | found.keys())
+    if isinstance(expected, dict) and isinstance(actual, dict):
+        names = sorted(expected.keys() | actual.keys())
         return [
             misfit
             for name in names
-            for misfit in _differences(expected.get(name), found.get(name), f"{where}, {name.replace('_', ' ')}")
+            for misfit in _differences(expected.get(name), actual.get(name), f"{where}, {name.replace('_', ' ')}")
         ]
-    return [] if expected == found else [Misfit(entry=where, expected=_short(expected), found=_short(found))]
+    return [] if expected == actual else [Misfit(entry=where, expected=_short(expected), actual=_short(actual))]
 
 
 def _short(value: Any) -> str:

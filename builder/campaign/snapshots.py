@@ -183,7 +183,7 @@ class KeptFlows:
     flows: tuple[Flow, ...]
 
 
-def save_snapshots(snapshots: Snapshots, path: str | Path, kept: KeptFlows | None = None) -> None:
+def save_snapshots(snapshots: Snapshots, path: str | Path, kept_flows: KeptFlows | None = None) -> None:
     """Write ``snapshots.h5`` atomically, with the flows it was made of in the order of their keys.
 
     Raises
@@ -194,10 +194,10 @@ def save_snapshots(snapshots: Snapshots, path: str | Path, kept: KeptFlows | Non
 
     def fill(file: h5py.File) -> None:
         write_record(file, snapshots, UNITS)
-        if kept is not None:
+        if kept_flows is not None:
             group = file.create_group("flows")
-            group.attrs["fingerprint"] = kept.fingerprint
-            for number, flow in enumerate(sorted(kept.flows, key=lambda flow: flow.key)):
+            group.attrs["fingerprint"] = kept_flows.fingerprint
+            for number, flow in enumerate(sorted(kept_flows.flows, key=lambda flow: flow.key)):
                 _write_flow(group.create_group(f"{number:05d}"), flow)
 
     write_hdf5_atomically(Path(path), SCHEMA, SCHEMA_VERSION, fill)

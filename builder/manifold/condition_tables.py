@@ -102,36 +102,36 @@ def condition_tables(
     if not is_vented:
         values = values + operator.sum(axis=1)
     incidence = np.array([condition.total_incidence for condition in conditions])
-    found = _polar(grid, mach, values, float(incidence.max()))
-    errors["tables"] = _off_the_splines(grid, found, values)
+    polar = _polar(grid, mach, values, float(incidence.max()))
+    errors["tables"] = _off_the_splines(grid, polar, values)
     if between is not None:
         fixed = 0.0 if is_vented else operator.sum(axis=1)
-        errors[BETWEEN] = errors_between(found, between.middle_of_cells(), between.of_cells(operator) + fixed)
+        errors[BETWEEN] = errors_between(polar, between.middle_of_cells(), between.of_cells(operator) + fixed)
     alpha, beta = grid.angle_of_attack, grid.sideslip
     return ConditionTables(
-        mach_knots=found.mach_knots,
-        incidence_knots=found.incidence_knots,
-        coefficients=found.response,
+        mach_knots=polar.mach_knots,
+        incidence_knots=polar.incidence_knots,
+        coefficients=polar.response,
         errors=errors,
         crossflow_range=np.array([[alpha[0], alpha[-1]], [-beta[-1], -beta[0]]]),
         incidence_limit=float(incidence.max()),
         overpressure=ratio[incidence <= incidence.min() + 1e-9].mean(axis=0),
-        slopes=None if slope is None else _slope_tables(grid, slope, found),
+        slopes=None if slope is None else _slope_tables(grid, slope, polar),
     )
 
 
 def _slope_tables(grid: SnapshotGrid, slope: ConditionSlopes, tables: FlightTables) -> ParameterSlopes:
     """Return the tables of ``slope`` on the knots and with the harmonics of ``tables``."""
-    n_m, found = tables.response.shape[3], []
+    n_m, slopes = tables.response.shape[3], []
     for values in np.moveaxis(slope.value, 3, 0):
         mach = grid.mach
         if len(mach) == 2:
             mach, values = with_middle_mach(mach, values)
-        one = _polar(grid, mach, values, float(tables.incidence_knots[-1])).response
-        found.append(with_harmonics(one, n_m))
+        response = _polar(grid, mach, values, float(tables.incidence_knots[-1])).response
+        slopes.append(with_harmonics(response, n_m))
     return ParameterSlopes(
         powers=slope.powers,
-        slope=np.stack(found, axis=2),
+        slope=np.stack(slopes, axis=2),
         unit_error=slope.unit_error(),
         spread_error=slope.spread_error(),
     )
@@ -139,8 +139,8 @@ def _slope_tables(grid: SnapshotGrid, slope: ConditionSlopes, tables: FlightTabl
 
 def with_harmonics(coefficients: FloatArray, n_m: int) -> FloatArray:
     """Return tables of ``n_m`` harmonics of the roll angle, their axis 3; what tables leave out is negligible."""
-    kept = coefficients[:, :, :, :n_m]
-    return np.pad(kept, [(0, 0)] * 3 + [(0, n_m - kept.shape[3]), (0, 0)])
+    leading = coefficients[:, :, :, :n_m]
+    return np.pad(leading, [(0, 0)] * 3 + [(0, n_m - leading.shape[3]), (0, 0)])
 
 
 def left_out_errors(grid: SnapshotGrid, values: FloatArray) -> FloatArray:
@@ -149,28 +149,28 @@ def left_out_errors(grid: SnapshotGrid, values: FloatArray) -> FloatArray:
     That is every inner Mach number, angle of attack and sideslip angle. Of two Mach numbers none is: the
     difference of strain linear in M and per unit of dynamic pressure between them counts.
     """
-    found = []
+    columns = []
     for axis, knots in enumerate((grid.mach, grid.angle_of_attack, grid.sideslip)):
         along, errors = np.moveaxis(values, axis, 0), []
-        for left in range(1, len(knots) - 1):
-            kept = np.delete(np.arange(len(knots)), left)
-            table = interpolating(knots[kept], along[kept])
-            predicted = np.tensordot(basis(knots[kept], knots[left : left + 1]).value[0], table, 1)
-            errors.append(LEFT_OUT_FRACTION * (along[left] - predicted))
+        for omitted in range(1, len(knots) - 1):
+            remaining = np.delete(np.arange(len(knots)), omitted)
+            table = interpolating(knots[remaining], along[remaining])
+            predicted = np.tensordot(basis(knots[remaining], knots[omitted : omitted + 1]).value[0], table, 1)
+            errors.append(LEFT_OUT_FRACTION * (along[omitted] - predicted))
         if len(knots) == 2:
             between = with_middle_mach(knots, along)[1][1]
             errors.append(LEFT_OUT_FRACTION * (between - along.mean(axis=0)))
         rows = np.array(errors).reshape(-1, values.shape[-1])
-        found.append(rows / np.sqrt(len(rows)))
-    return np.concatenate(found).T
+        columns.append(rows / np.sqrt(len(rows)))
+    return np.concatenate(columns).T
 
 
 def errors_between(tables: FlightTables, conditions: Sequence[FlightCondition], values: FloatArray) -> FloatArray:
     """Return columns (n, k) of the differences of ``tables`` from ``values`` (k, n) per p_inf at k conditions."""
     state = np.zeros((len(conditions), N_STATES))
-    for row, one in zip(state, conditions, strict=True):
-        row[MACH], row[U] = one.mach_number, one.total_incidence * np.cos(one.leeward_roll_angle)
-        row[W] = one.total_incidence * np.sin(one.leeward_roll_angle)
+    for row, condition in zip(state, conditions, strict=True):
+        row[MACH], row[U] = condition.mach_number, condition.total_incidence * np.cos(condition.leeward_roll_angle)
+        row[W] = condition.total_incidence * np.sin(condition.leeward_roll_angle)
     errors = evaluate(tables, state).value - values
     return np.asarray(errors.T / np.sqrt(len(errors)))
 
@@ -185,8 +185,8 @@ def _polar(grid: SnapshotGrid, mach: FloatArray, values: FloatArray, limit: floa
     spectrum = np.moveaxis(np.fft.rfft(rings, axis=2), 2, -1)[..., : MAX_HARMONIC + 1] / ROLLS
     spectrum[..., 1:] *= 2.0
     largest = np.abs(spectrum).max(axis=(0, 1))
-    seen = largest > _NEGLIGIBLE * np.maximum(largest.max(axis=1, keepdims=True), 1e-300)
-    n_m = max(int(np.flatnonzero(seen.any(axis=0))[-1]) + 1, 2)
+    significant = largest > _NEGLIGIBLE * np.maximum(largest.max(axis=1, keepdims=True), 1e-300)
+    n_m = max(int(np.flatnonzero(significant.any(axis=0))[-1]) + 1, 2)
     amplitude = np.stack([spectrum.real, -spectrum.imag], axis=-1)[..., :n_m, :]
     zero = np.zeros((len(mach), values.shape[-1], n_m, 2))
     zero[..., 0, 0] = _at(grid, splines, np.zeros(1), np.zeros(1))[:, 0]
@@ -216,16 +216,17 @@ def _off_the_splines(grid: SnapshotGrid, tables: FlightTables, values: FloatArra
     """Return columns (n, k) of the differences of ``tables`` from the splines through ``values``, at the snapshots
     and between."""
     alpha, beta = (
-        np.sort(np.concatenate([one, 0.5 * (one[1:] + one[:-1])])) for one in (grid.angle_of_attack, grid.sideslip)
+        np.sort(np.concatenate([angles, 0.5 * (angles[1:] + angles[:-1])]))
+        for angles in (grid.angle_of_attack, grid.sideslip)
     )
-    a, b = (one.ravel() for one in np.meshgrid(alpha, beta))
+    a, b = (angle.ravel() for angle in np.meshgrid(alpha, beta))
     y, z, along = -np.sin(b), np.sin(a) * np.cos(b), np.cos(a) * np.cos(b)
     scale = 1.0 / np.sinc(np.arctan2(np.hypot(y, z), along) / np.pi)
     true = _at(grid, _splines(grid, values), scale * z, scale * y)
     errors = []
-    for mach, one in zip(tables.mach_knots, true, strict=True):
+    for mach, exact in zip(tables.mach_knots, true, strict=True):
         state = np.zeros((len(a), N_STATES))
         state[:, MACH], state[:, U], state[:, W], state[:, LOG_PRESSURE] = mach, scale * z, scale * y, 0.0
-        errors.append(evaluate(tables, state).value - one)
+        errors.append(evaluate(tables, state).value - exact)
     rows = np.concatenate(errors)
     return np.asarray(rows.T / np.sqrt(len(rows)))

@@ -42,8 +42,8 @@ def gaussian_process_shapes(grid: SurfaceGrid, entry: MapEntry) -> tuple[FloatAr
 
 def _factor(correlation: FloatArray) -> FloatArray:
     value, vector = np.linalg.eigh(correlation)
-    kept = value > _NEGLIGIBLE * value[-1]
-    return np.asarray(vector[:, kept] * np.sqrt(value[kept]))
+    significant = value > _NEGLIGIBLE * value[-1]
+    return np.asarray(vector[:, significant] * np.sqrt(value[significant]))
 
 
 def response_of_shapes(operator: FloatArray, along: FloatArray, around: FloatArray) -> FloatArray:
@@ -69,13 +69,13 @@ def process_on_surface(mesh: SurfaceMesh, entry: MapEntry) -> FloatArray:
     roll_angle = float(np.deg2rad(entry.discrepancy_roll_deg))
     place = np.hstack([radial, mesh.node_normal]) / (np.sqrt(2.0) * roll_angle)
     place = np.column_stack([mesh.point[:, 0] / length, place])
-    left, columns = np.ones(len(place)), np.zeros((len(place), 0))
-    while left.max() > _LEFT_OF_VARIANCE:
-        pivot = int(np.argmax(left))
+    remaining, columns = np.ones(len(place)), np.zeros((len(place), 0))
+    while remaining.max() > _LEFT_OF_VARIANCE:
+        pivot = int(np.argmax(remaining))
         column = np.exp(-0.5 * np.sum((place - place[pivot]) ** 2, axis=1)) - columns @ columns[pivot]
-        column /= np.sqrt(left[pivot])
+        column /= np.sqrt(remaining[pivot])
         columns = np.column_stack([columns, column])
-        left = np.maximum(left - column * column, 0.0)
+        remaining = np.maximum(remaining - column * column, 0.0)
     return columns
 
 
@@ -108,6 +108,6 @@ def tested_shapes(manifold: ManifoldMap) -> FloatArray:
     root = np.linalg.cholesky(covariance - of_shapes)
     half = np.linalg.solve(root, of_shapes)
     value, vector = np.linalg.eigh(np.linalg.solve(root, half.T))
-    kept = np.argsort(-value)[:TESTED]
-    kept = kept[value[kept] > 1.0]
-    return np.asarray(root @ vector[:, kept])
+    largest = np.argsort(-value)[:TESTED]
+    largest = largest[value[largest] > 1.0]
+    return np.asarray(root @ vector[:, largest])

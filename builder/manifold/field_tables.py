@@ -56,7 +56,8 @@ def flight_field(
     if measured:  # strain alone does not show the pattern
         covariances[INTERPOLATION] = _of_numerics(error[..., :n_h], response)
     covariance = sum(
-        (parts_of(name, measured)[0] ** 2 * one for name, one in covariances.items()), start=0.0 * process
+        (parts_of(name, measured)[0] ** 2 * covariance for name, covariance in covariances.items()),
+        start=0.0 * process,
     )
     return FlightField(
         station=grid.x,
@@ -114,17 +115,18 @@ def _table_error(snapshots: Snapshots, numerics: list[FloatArray], grid: Surface
     field has not."""
     n_m, square = numerics[0].shape[2], np.zeros((len(grid.x), grid.n_roll))
     waves = np.cos(np.outer(np.arange(n_m), grid.roll_angle))
-    for one in numerics:
-        if len(one):
-            square += np.mean((one @ waves) ** 2, axis=0)
+    for error_rows in numerics:
+        if len(error_rows):
+            square += np.mean((error_rows @ waves) ** 2, axis=0)
     spectrum = np.fft.rfft(snapshots.pressure.reshape(len(snapshots.pressure), len(grid.x), -1), axis=2)
     spectrum[:, :, :n_m] = 0.0
     rest = np.fft.irfft(spectrum, n=grid.n_roll, axis=2)
     conditions = snapshots.conditions()
     turned = np.array(
         [
-            np.roll(one, -round(c.leeward_roll_angle * grid.n_roll / (2.0 * np.pi)), axis=1) / c.ambient_pressure
-            for one, c in zip(rest, conditions, strict=True)
+            np.roll(difference, -round(c.leeward_roll_angle * grid.n_roll / (2.0 * np.pi)), axis=1)
+            / c.ambient_pressure
+            for difference, c in zip(rest, conditions, strict=True)
         ]
     )
     return np.sqrt(square + np.mean(turned**2, axis=0))

@@ -74,7 +74,7 @@ def squares_fitted(c: FloatArray, square: FloatArray, weight: FloatArray) -> Flo
     # The triangular factor in place of all members: the same least squares, at a fraction of the size.
     basis, triangle = np.linalg.qr(root * of_combination)
     target = basis.T @ (root * square / size)
-    factor = np.array([nnls(triangle, one)[0] for one in target.T]).T * size
+    factor = np.array([nnls(triangle, column)[0] for column in target.T]).T * size
     return np.asarray((_TWICE[:, None] * (combinations[:, _FIRST] * combinations[:, _SECOND]).T) @ factor)
 
 
@@ -85,11 +85,11 @@ def _combinations(c: FloatArray) -> FloatArray:
     low, high = c[:, 1].min(), c[:, 1].max()
     rise[:2] = np.array([-low, 1.0]) / (high - low) if high > low else 0.0
     angle = 2.0 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
-    found = [np.eye(6)[0], rise]
+    directions = [np.eye(6)[0], rise]
     for first in (2, 4):
         largest = np.hypot(c[:, first], c[:, first + 1]).max()
         across = np.zeros((DIRECTIONS, 6))
         if largest > 0.0:
             across[:, first], across[:, first + 1] = np.cos(angle) / largest, np.sin(angle) / largest
-        found += [*across[: DIRECTIONS // 2], *(across + rise)]
-    return np.array(found)
+        directions += [*across[: DIRECTIONS // 2], *(across + rise)]
+    return np.array(directions)

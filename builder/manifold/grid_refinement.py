@@ -42,8 +42,8 @@ def grid_errors(vehicle: Vehicle, snapshots: Snapshots) -> FloatArray | None:
         return None
     n_m = min(MAX_FIELD_HARMONIC, (grid.n_roll - 1) // 2) + 1
     engine = EulerEngine(vehicle.body(), marching, grid)
-    conditions, found = snapshots.conditions(), list[FloatArray]()
-    keys: list[FlowKey] = [flow_key(one) for one in conditions]
+    conditions, amplitudes = snapshots.conditions(), list[FloatArray]()
+    keys: list[FlowKey] = [flow_key(condition) for condition in conditions]
     for key in _chosen(keys):
         row = keys.index(key)
         condition = conditions[row]
@@ -53,28 +53,28 @@ def grid_errors(vehicle: Vehicle, snapshots: Snapshots) -> FloatArray | None:
             continue
         difference = snapshots.pressure[row] / condition.ambient_pressure - coarse
         angle = grid.roll_angle - condition.leeward_roll_angle
-        found.append(cosine_amplitudes(difference.reshape(len(grid.x), -1), angle, n_m))
-    return np.array(found) if found else None
+        amplitudes.append(cosine_amplitudes(difference.reshape(len(grid.x), -1), angle, n_m))
+    return np.array(amplitudes) if amplitudes else None
 
 
 def _chosen(keys: list[FlowKey]) -> list[FlowKey]:
     """Return the keys at the ends of the Mach numbers, at three incidences each."""
-    found = list[FlowKey]()
-    mach_numbers = [one[0] for one in keys]
+    chosen_keys = list[FlowKey]()
+    mach_numbers = [key[0] for key in keys]
     for mach in dict.fromkeys((min(mach_numbers), max(mach_numbers))):
-        incidence = sorted({one[1] for one in keys if one[0] == mach})
+        incidence = sorted({key[1] for key in keys if key[0] == mach})
         chosen = dict.fromkeys((incidence[0], incidence[len(incidence) // 2], incidence[-1]))
-        found += [(mach, one) for one in chosen]
-    return found
+        chosen_keys += [(mach, incidence) for incidence in chosen]
+    return chosen_keys
 
 
 def _coarser(settings: Mapping[str, Any]) -> MarchingGrid | None:
     """Return the grid of the snapshots with fewer cells; None where it is not known or cannot be coarser."""
-    held = settings.get("inputs", {}).get("marching_grid")
-    if held is None:
+    entries = settings.get("inputs", {}).get("marching_grid")
+    if entries is None:
         return None
-    own = MarchingGrid(**held)
-    cells = [round(COARSER * one) for one in (own.n_radial, own.n_circumferential)]
+    finest = MarchingGrid(**entries)
+    cells = [round(COARSER * count) for count in (finest.n_radial, finest.n_circumferential)]
     if min(cells) < FEWEST_CELLS:
         return None
-    return replace(own, n_radial=cells[0], n_circumferential=cells[1])
+    return replace(finest, n_radial=cells[0], n_circumferential=cells[1])

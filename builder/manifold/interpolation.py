@@ -57,26 +57,28 @@ def left_out_errors(
     zero = values[:, 0] if len(inclined) < len(all_incidence) else None
     errors: list[FloatArray] = []
     at_mach = basis(mach, mach).value
-    for left in range(len(incidence) - 1):
-        kept = np.delete(np.arange(len(incidence)), left)
+    for omitted in range(len(incidence) - 1):
+        remaining = np.delete(np.arange(len(incidence)), omitted)
         knots, table = spline_coefficients(
-            mach, incidence[kept], of_flows[:, kept], spline_rows(incidence[kept]), zero
+            mach, incidence[remaining], of_flows[:, remaining], spline_rows(incidence[remaining]), zero
         )
-        found = _table(at_mach, basis(knots, incidence[left : left + 1]).value, table)
-        errors += list(of_flows[:, left] - found[:, 0])
+        predicted = _table(at_mach, basis(knots, incidence[omitted : omitted + 1]).value, table)
+        errors += list(of_flows[:, omitted] - predicted[:, 0])
     rows = spline_rows(incidence)
-    for left in range(1, len(mach) - 1):
-        kept = np.delete(np.arange(len(mach)), left)
-        if len(kept) < 2:
+    for omitted in range(1, len(mach) - 1):
+        remaining = np.delete(np.arange(len(mach)), omitted)
+        if len(remaining) < 2:
             break
-        if len(kept) == 2 and not of_two:
-            errors += list(MACH_FRACTION * (of_flows[left] - between_two(mach, of_flows)))
+        if len(remaining) == 2 and not of_two:
+            errors += list(MACH_FRACTION * (of_flows[omitted] - between_two(mach, of_flows)))
             continue
         knots, table = spline_coefficients(
-            mach[kept], incidence, of_flows[kept], rows, None if zero is None else zero[kept]
+            mach[remaining], incidence, of_flows[remaining], rows, None if zero is None else zero[remaining]
         )
-        found = _table(basis(mach[kept], mach[left : left + 1]).value, basis(knots, incidence).value, table)
-        errors += list(MACH_FRACTION * (of_flows[left] - found[0]))
+        predicted = _table(
+            basis(mach[remaining], mach[omitted : omitted + 1]).value, basis(knots, incidence).value, table
+        )
+        errors += list(MACH_FRACTION * (of_flows[omitted] - predicted[0]))
     return np.array(errors).reshape(-1, *values.shape[2:])
 
 

@@ -74,15 +74,15 @@ def manifold_map(
     operator = _operator(problem)
     inside = vehicle.structure.internal_pressure_Pa
     fixed = np.zeros(len(operator)) if inside == "ambient" else -float(inside) * operator.sum(axis=1)
-    found, terms = tables_and_errors(vehicle, on_structure(snapshots, structure), structure, problem, nuisance)
+    tables, terms = tables_and_errors(vehicle, on_structure(snapshots, structure), structure, problem, nuisance)
     n_d = len(problem.strain_operator)
-    coefficients = with_base_and_friction(vehicle, problem, found.mach_knots, found.coefficients)
+    coefficients = with_base_and_friction(vehicle, problem, tables.mach_knots, tables.coefficients)
     estimated, considered = map(compressed, by_role(terms, problem.sensors is not None))
     reference, noise = vehicle.reference_quantities(), vehicle.noise
     low, high = (1e3 * height for height in vehicle.map.valid_altitude_km)
     made = ManifoldMap(
-        mach_knots=found.mach_knots,
-        incidence_knots=found.incidence_knots,
+        mach_knots=tables.mach_knots,
+        incidence_knots=tables.incidence_knots,
         response=coefficients,
         fixed_response=fixed,
         gauge_covariance=fixed_covariance(problem.noise),
@@ -96,18 +96,18 @@ def manifold_map(
         **followed_errors(vehicle, problem),
         reference_area=reference.area,
         reference_length=reference.length,
-        mach_range=found.mach_knots[[0, -1]],
+        mach_range=tables.mach_knots[[0, -1]],
         pressure_range=np.array([pressure_and_temperature(high)[0], pressure_and_temperature(low)[0]]),
-        incidence_limit=found.incidence_limit,
-        crossflow_range=found.crossflow_range,
-        considered_response=found.considered,
+        incidence_limit=tables.incidence_limit,
+        crossflow_range=tables.crossflow_range,
+        considered_response=tables.considered,
         mach_number_error=noise.navigation_mach_number,
         static_pressure_error=0.01 * noise.navigation_static_pressure_percent,
         dynamic_pressure_error=0.01 * noise.dynamic_pressure_percent,
         altitude_error=0.01 * noise.standard_atmosphere_percent,
-        pressure_field=found.field if isinstance(found.field, FlightField) else None,
-        shape_field=found.field if isinstance(found.field, ShapeField) else None,
-        parameters=_parameters(found.slopes, terms, problem.sensors is not None),
+        pressure_field=tables.field if isinstance(tables.field, FlightField) else None,
+        shape_field=tables.field if isinstance(tables.field, ShapeField) else None,
+        parameters=_parameters(tables.slopes, terms, problem.sensors is not None),
     )
     check_told_apart(made)
     made = replace(made, discrepancy_shapes=tested_shapes(made))
@@ -136,15 +136,15 @@ def tables_and_errors(
         The flows do not suffice for tables.
     """
     operator = _operator(problem)
-    found = state_tables(vehicle, snapshots, structure, problem, operator)
-    terms = found.errors | _scaled_errors(vehicle, problem, found.process, operator)
+    tables = state_tables(vehicle, snapshots, structure, problem, operator)
+    terms = tables.errors | _scaled_errors(vehicle, problem, tables.process, operator)
     terms |= _scaled_nuisance(nuisance, problem) | base_pressure_error(vehicle, problem, len(operator))
     if problem.leeward is not None:
         terms[LEEWARD_PRESSURE] = operator @ problem.leeward.T / problem.ensemble.mean_ambient_pressure
     level = model_form(vehicle.map, vehicle.noise).of_overpressure
     if level > 0.0:
-        terms[LEVEL] = level * (operator @ found.overpressure)[:, None]
-    return found, terms
+        terms[LEVEL] = level * (operator @ tables.overpressure)[:, None]
+    return tables, terms
 
 
 def _operator(problem: Problem) -> FloatArray:
@@ -158,14 +158,16 @@ def _parameters(
     """Return ``slopes`` with the errors that are left where all parameters are known."""
     if slopes is None:
         return None
-    others = by_role({name: columns for name, columns in terms.items() if name != FLOW_PARAMETERS}, is_measured)[0]
+    error_columns = by_role(
+        {name: columns for name, columns in terms.items() if name != FLOW_PARAMETERS}, is_measured
+    )[0]
     unit, spread = slopes.compressed_errors()
     return ParameterTables(
         powers=slopes.powers,
         slope=slopes.slope,
         unit_error=unit,
         spread_error=spread,
-        error=compressed(others),
+        error=compressed(error_columns),
     )
 
 
@@ -190,14 +192,14 @@ def _scaled_errors(
 
     ``process`` (n_d + n_f, k) is the response to the Gaussian process at unit variance.
     """
-    noise, found = vehicle.noise, {}
+    noise, columns_of = vehicle.noise, {}
     of_prior = model_form(vehicle.map, noise).of_prior
     size = process_size(vehicle, problem)
     if size > 0.0:
-        found[PROCESS] = size * process
+        columns_of[PROCESS] = size * process
     if of_prior > 0.0:
         spread = _spread_of_flows(problem.ensemble, operator)
-        found[SPREAD] = of_prior * spread
+        columns_of[SPREAD] = of_prior * spread
     if noise.internal_pressure_percent > 0.0:
         column = 0.01 * noise.internal_pressure_percent * operator.sum(axis=1)
         n_d = len(problem.strain_operator)
@@ -205,8 +207,8 @@ def _scaled_errors(
         if problem.sensors is not None:
             follows = np.array([row.follows_inside for row in problem.sensors.rows])
             column[n_d - len(follows) : n_d] *= follows
-        found["internal pressure"] = column[:, None]
-    return found
+        columns_of["internal pressure"] = column[:, None]
+    return columns_of
 
 
 def _spread_of_flows(ensemble: Ensemble, operator: FloatArray) -> FloatArray:
@@ -223,10 +225,10 @@ def _scaled_nuisance(nuisance: Sequence[NoiseTerm], problem: Problem) -> dict[st
     """Return columns (n_d + n_f, k) per p_inf of the other terms that scale, by name."""
     ensemble = problem.ensemble
     pressure = ensemble.mean_ambient_pressure
-    found = {}
+    columns_of = {}
     for term in nuisance:
         if term.scales:
             # Terms are those of the gauges: they have no part in auxiliary sensors.
             of_rows = term.padded(0, len(problem.strain_operator) - len(term.strain))
-            found[term.name] = of_rows.strain_and_load(len(problem.load_operator)) / pressure
-    return found
+            columns_of[term.name] = of_rows.strain_and_load(len(problem.load_operator)) / pressure
+    return columns_of

@@ -43,12 +43,12 @@ class ConditionSlopes:
     def spread_error(self) -> list[FloatArray]:
         """Return columns (n, k) of each parameter that is not known, whose squares add up to the mean one."""
         unit, change = self.unit_error(), self.powers.change(self.values) / np.sqrt(len(self.values))
-        found = []
+        errors = []
         for parameter in range(len(self.powers.mean)):
-            own = self.powers.parameter == parameter
-            columns = np.einsum("kj,jnc->nkc", change[:, own], unit[own])
-            found.append(columns.reshape(len(columns), -1))
-        return found
+            of_parameter = self.powers.parameter == parameter
+            columns = np.einsum("kj,jnc->nkc", change[:, of_parameter], unit[of_parameter])
+            errors.append(columns.reshape(len(columns), -1))
+        return errors
 
     def rest_error(self) -> FloatArray:
         """Return columns (n, k) of the rest, whose squares add up to the mean one."""
@@ -70,7 +70,7 @@ class ParameterSlopes:
         """Return unit errors (J, n, k) and spread errors (n_p, n, k) in as few columns as their rows allow."""
         n_j, n, k = self.unit_error.shape
         unit = compressed(self.unit_error.reshape(n_j * n, k)) if k > n_j * n else self.unit_error
-        return unit.reshape(n_j, n, -1), np.stack([compressed(one) for one in self.spread_error])
+        return unit.reshape(n_j, n, -1), np.stack([compressed(columns) for columns in self.spread_error])
 
 
 def compressed(columns: FloatArray) -> FloatArray:

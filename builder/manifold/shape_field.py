@@ -44,30 +44,30 @@ def shape_field(
     ratio = snapshots.pressure / ambient[:, None] - 1.0
     _, size, transposed = np.linalg.svd(ratio, full_matrices=False)
     modes = transposed[size > _NEGLIGIBLE * size[0]].T
-    found = condition_tables(snapshots, modes.T, True, between)
+    tables = condition_tables(snapshots, modes.T, True, between)
     rest = ratio - (ratio @ modes) @ modes.T
     variance = np.mean(rest**2, axis=0)
     if problem.off_the_snapshots is not None:
         variance += np.sum((problem.off_the_snapshots / problem.ensemble.mean_ambient_pressure) ** 2, axis=0)
     covariance = np.zeros((len(modes), len(problem.strain_operator)))
     expected = model_form(vehicle.map, vehicle.noise)
-    fields = [(name, modes @ one) for name, one in found.errors.items()]
+    fields = [(name, modes @ columns) for name, columns in tables.errors.items()]
     fields += [(PROCESS, process_size(vehicle, problem) * process)]
-    fields += [(SPREAD, expected.of_prior * one) for one in _spread(problem)]
+    fields += [(SPREAD, expected.of_prior * columns) for columns in _spread(problem)]
     if problem.leeward is not None:
         fields += [(LEEWARD_PRESSURE, problem.leeward.T / problem.ensemble.mean_ambient_pressure)]
     fields += [(LEVEL, expected.of_overpressure * overpressure[:, None])]
-    for name, one in fields:
+    for name, columns in fields:
         part = parts_of(name, problem.sensors is not None)[0]
         if part > 0.0:
-            covariance += part**2 * (one @ (problem.strain_operator @ one).T)
-        variance += np.sum(one**2, axis=1)
+            covariance += part**2 * (columns @ (problem.strain_operator @ columns).T)
+        variance += np.sum(columns**2, axis=1)
     return ShapeField(
         modes=modes.astype(np.float32),
-        amplitude=found.coefficients,
+        amplitude=tables.coefficients,
         strain_covariance=covariance.astype(np.float32),
         error_std=np.sqrt(variance),
-        parameters=_parameters(found.slopes, problem.strain_operator @ modes),
+        parameters=_parameters(tables.slopes, problem.strain_operator @ modes),
     )
 
 

@@ -43,34 +43,39 @@ def snapshot_grid(snapshots: Snapshots) -> SnapshotGrid:
     """
     conditions = snapshots.conditions()
     keys = [
-        (*np.round((one.mach_number, one.angle_of_attack, one.sideslip_angle), _DIGITS).tolist(), one.parameters)
-        for one in conditions
+        (
+            *np.round(
+                (condition.mach_number, condition.angle_of_attack, condition.sideslip_angle), _DIGITS
+            ).tolist(),
+            condition.parameters,
+        )
+        for condition in conditions
     ]
     first: dict[tuple[object, ...], int] = {}
     for number, key in enumerate(keys):
         first.setdefault(key, number)
     values = [sorted({key[axis] for key in keys}) for axis in range(3)]
     parameters = sorted({key[3] for key in keys})
-    _check_numbers([len(one) for one in values])
-    row = np.empty([*(len(one) for one in values), len(parameters)], dtype=np.int64)
+    _check_numbers([len(axis) for axis in values])
+    row = np.empty([*(len(axis) for axis in values), len(parameters)], dtype=np.int64)
     for place, key in zip(np.ndindex(row.shape), product(*values, parameters), strict=True):
         if key not in first:
             mach, alpha, beta = key[:3]
             raise InputError(
                 f"map.estimator: 'nonlinear' needs every combination of the conditions, got none of Mach number "
                 f"{mach:g}, angle of attack {np.degrees(alpha):.4g} deg, sideslip {np.degrees(beta):.4g} deg"
-                + (f", parameters {', '.join(f'{one:g}' for one in key[3])}" if key[3] else "")
+                + (f", parameters {', '.join(f'{value:g}' for value in key[3])}" if key[3] else "")
             )
         row[place] = first[key]
     mach, alpha, beta = map(np.array, values)
     return SnapshotGrid(mach=mach, angle_of_attack=alpha, sideslip=beta, row=row)
 
 
-def _check_numbers(found: list[int]) -> None:
-    if any(one < least for one, least in zip(found, MIN_VALUES, strict=True)):
+def _check_numbers(counts: list[int]) -> None:
+    if any(count < least for count, least in zip(counts, MIN_VALUES, strict=True)):
         needed, got = (
             "{} Mach numbers, {} angles of attack and {} sideslip angles".format(*numbers)
-            for numbers in (MIN_VALUES, found)
+            for numbers in (MIN_VALUES, counts)
         )
         raise InputError(
             f"map.estimator: 'nonlinear' needs {needed} at least, got {got}; estimator 'linear' takes them"

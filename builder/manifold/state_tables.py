@@ -105,27 +105,27 @@ def _of_any_shape(
     mesh: SurfaceMesh,
     between: FlowsBetween | None,
 ) -> StateTables:
-    entry, found = vehicle.map, condition_tables(snapshots, operator, _is_vented(vehicle), between)
+    entry, tables = vehicle.map, condition_tables(snapshots, operator, _is_vented(vehicle), between)
     process = process_on_surface(mesh, entry)
     field = None
     if entry.keep_field:
-        field = shape_field(vehicle, snapshots, problem, process, found.overpressure, between)
+        field = shape_field(vehicle, snapshots, problem, process, tables.overpressure, between)
 
-    def of_other_flow(other: Snapshots) -> FloatArray:
-        return condition_tables(other, operator, _is_vented(vehicle)).coefficients
+    def of_other_flow(flow: Snapshots) -> FloatArray:
+        return condition_tables(flow, operator, _is_vented(vehicle)).coefficients
 
     return StateTables(
-        mach_knots=found.mach_knots,
-        incidence_knots=found.incidence_knots,
-        coefficients=found.coefficients,
-        errors=found.errors,
+        mach_knots=tables.mach_knots,
+        incidence_knots=tables.incidence_knots,
+        coefficients=tables.coefficients,
+        errors=tables.errors,
         process=operator @ process,
-        overpressure=found.overpressure,
-        incidence_limit=found.incidence_limit,
-        crossflow_range=found.crossflow_range,
-        considered=_difference(vehicle, snapshots, found.coefficients, of_other_flow),
+        overpressure=tables.overpressure,
+        incidence_limit=tables.incidence_limit,
+        crossflow_range=tables.crossflow_range,
+        considered=_difference(vehicle, snapshots, tables.coefficients, of_other_flow),
         field=field,
-        slopes=found.slopes,
+        slopes=tables.slopes,
     )
 
 
@@ -139,8 +139,8 @@ def _difference(
     newtonian = newtonian_snapshots(vehicle, snapshots)
     if newtonian is None:
         return None
-    others = with_harmonics(tables_of(newtonian), coefficients.shape[3])
-    return model_form(vehicle.map, vehicle.noise).of_newtonian * (others - coefficients)
+    newtonian_tables = with_harmonics(tables_of(newtonian), coefficients.shape[3])
+    return model_form(vehicle.map, vehicle.noise).of_newtonian * (newtonian_tables - coefficients)
 
 
 def _of_revolution(
@@ -165,9 +165,9 @@ def _of_revolution(
     knots, coefficients = _tables(flows, response)
     along, around = gaussian_process_shapes(grid, entry)
 
-    def of_other_flow(other: Snapshots) -> FloatArray:
-        others = flow_amplitudes(other)
-        return _tables(others.less_ambient() if _is_vented(vehicle) else others, response)[1]
+    def of_other_flow(flow: Snapshots) -> FloatArray:
+        amplitudes = flow_amplitudes(flow)
+        return _tables(amplitudes.less_ambient() if _is_vented(vehicle) else amplitudes, response)[1]
 
     return StateTables(
         mach_knots=flows.mach,
@@ -184,11 +184,11 @@ def _of_revolution(
 
 
 def _check_flows(flows: FlowAmplitudes) -> None:
-    found = len(flows.mach), int(np.sum(flows.incidence > 1e-9))
-    if found[0] < MIN_FLOWS[0] or found[1] < MIN_FLOWS[1]:
+    counts = len(flows.mach), int(np.sum(flows.incidence > 1e-9))
+    if counts[0] < MIN_FLOWS[0] or counts[1] < MIN_FLOWS[1]:
         raise InputError(
             f"map.estimator: 'nonlinear' needs {MIN_FLOWS[0]} Mach numbers and {MIN_FLOWS[1]} total incidences "
-            f"above 0 at least, got {found[0]} and {found[1]}"
+            f"above 0 at least, got {counts[0]} and {counts[1]}"
         )
 
 

@@ -104,8 +104,8 @@ def _fitted(
         rest = np.linalg.lstsq(design, data.reshape(len(incidence), -1), rcond=None)[0]
         fitted = np.concatenate([of_others[None] @ rest, rest])
     else:
-        left = data - cardinal[:, :1].reshape(-1, *[1] * (data.ndim - 1)) * start
-        rest = np.linalg.lstsq(cardinal[:, 1:], left.reshape(len(incidence), -1), rcond=None)[0]
+        remainder = data - cardinal[:, :1].reshape(-1, *[1] * (data.ndim - 1)) * start
+        rest = np.linalg.lstsq(cardinal[:, 1:], remainder.reshape(len(incidence), -1), rcond=None)[0]
         fitted = np.concatenate([start.reshape(1, -1), rest])
     return np.moveaxis(fitted.reshape(n, *data.shape[1:]), 0, 1)
 

@@ -32,12 +32,12 @@ def check_told_apart(manifold: ManifoldMap) -> None:
     InputError
         Names two such winds, in the middle of the ranges.
     """
-    found = winds_read_alike(manifold)
-    if found is not None:
-        one, other = (round(float(np.degrees(angle))) for angle in found)
+    angles = winds_read_alike(manifold)
+    if angles is not None:
+        first, second = (round(float(np.degrees(angle))) for angle in angles)
         raise InputError(
             f"gauges: expected some off one plane through the axis for the nonlinear estimator, got wind at roll "
-            f"angle {one} deg and at {other} deg that strain all of them alike; or map.estimator = 'linear'"
+            f"angle {first} deg and at {second} deg that strain all of them alike; or map.estimator = 'linear'"
         )
 
 

@@ -322,7 +322,7 @@ def _inverse_map(pipeline: Pipeline) -> None:
     if vehicle.structure.model == "solid":
         inputs["structure"] = pipeline.made_from(STRUCTURE)
     holds = "the inverse map: strain to loads, with covariance"
-    pipeline.make(MAP, holds, inputs, write, given=pipeline.given.as_text(), shared=True)
+    pipeline.make(MAP, holds, inputs, write, files_given=pipeline.given.as_text(), shared=True)
 
 
 def make_independent_flows(pipeline: Pipeline) -> None:

@@ -79,12 +79,12 @@ class Pipeline:
         holds: str,
         inputs: dict[str, Any],
         write: Callable[[Path], object],
-        given: dict[str, str] | None = None,
+        files_given: dict[str, str] | None = None,
         *,
         shared: bool = False,
     ) -> None:
         """Make the file ``name`` with ``write(path)``, or reuse it, if ``shared`` any command's; report that."""
-        if where := self.workspace.ensure(name, inputs, write, given, shared=shared):
+        if where := self.workspace.ensure(name, inputs, write, files_given, shared=shared):
             self.reused.append(name)
             self.reporter.note(f"{name}: {where}, reused")
         self.files[name] = holds

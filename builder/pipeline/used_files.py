@@ -52,7 +52,7 @@ def open_pipeline(vehicle: Vehicle, folder: Path, reporter: Reporter, given: Fil
 
 
 def _refuse_lost_options(workspace: Workspace, given: FilesGiven) -> None:
-    before, now = workspace.given(MAP), given.as_text()
+    before, now = workspace.files_given(MAP), given.as_text()
     lost = [f"{option} {path}" for option, path in before.items() if option not in now]
     if lost and not given.rebuild:
         raise InputError(

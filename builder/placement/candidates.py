@@ -90,14 +90,14 @@ class Candidates:
         """(n_a,) number of gauges of each site."""
         return np.sum(self.sites >= 0, axis=1).astype(float)
 
-    def of(self, sites: IntArray | list[int]) -> IntArray:
+    def gauges_of(self, sites: IntArray | list[int]) -> IntArray:
         """Return the gauges of ``sites``, one site after another."""
         gauges = self.sites[np.asarray(sites, dtype=np.int64)].ravel()
         return gauges[gauges >= 0]
 
     def layout(self, sites: IntArray | list[int]) -> GaugeLayout:
         """Return the gauges of ``sites`` by station, roll angle and direction."""
-        gauges = self.of(sites)
+        gauges = self.gauges_of(sites)
         order = np.lexsort((gauges, self.roll_angle[gauges], self.x[gauges]))
         return layout_of(self.gauges, gauges[order])
 

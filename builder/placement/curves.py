@@ -132,14 +132,14 @@ def accuracy_curves(
     whatever ``limits`` counts. Numbers that its distances and zones leave no room for, and those below the gauges
     that are kept, are left out.
     """
-    free = replace(limits, budget=None, gauges=max(1, len(study.kept)), costs={}, cable=(0.0, 0.0))
-    offered = [*range(study.offered), *study.kept]
+    free = replace(limits, budget=None, gauges=max(1, len(study.kept_sites)), costs={}, cable=(0.0, 0.0))
+    offered = [*range(study.offered), *study.kept_sites]
     forced = list(range(study.offered, len(offered)))
     candidates = replace(study.candidates, sites=study.candidates.sites[offered])
     offered_candidates, rules = rules_of(candidates, free, forced)
     number = {tuple(site): k for k, site in reversed(list(enumerate(study.candidates.sites.tolist())))}
     of_study = np.array([number[tuple(site)] for site in offered_candidates.sites.tolist()], dtype=np.int64)
-    counts = [count for count in COUNTS if len(study.kept) <= count <= offered_candidates.n_gauges.sum()]
+    counts = [count for count in COUNTS if len(study.kept_sites) <= count <= offered_candidates.n_gauges.sum()]
     placed, lost = np.full((len(counts), 5), np.nan), np.full((len(counts), 5), np.nan)
     inside = aimed(study, aim).of_sites(of_study)
     steps = len(counts) + len(NOISES) + len(POSITIONS) + len(PORTS)
@@ -159,7 +159,7 @@ def accuracy_curves(
     n_placed = int(study.candidates.n_gauges[list(sites)].sum())
     layouts = {
         PLACED: list(sites),
-        own_name: list(study.own),
+        own_name: list(study.layout_sites),
         QR: qr_sites(study, n_placed),
         EVEN: even_sites(study, n_placed),
     }
@@ -169,7 +169,7 @@ def accuracy_curves(
         lost=lost,
         qr=np.array([_ratio(study.model, qr_sites(study, count)) for count in counts]),
         even=np.array([_ratio(study.model, even_sites(study, count)) for count in counts]),
-        own_count=int(study.candidates.n_gauges[list(study.own)].sum()),
+        own_count=int(study.candidates.n_gauges[list(study.layout_sites)].sum()),
         own_name=own_name,
         sweeps=_sweeps(study, layouts, progress, len(counts), steps),
     )

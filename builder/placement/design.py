@@ -96,7 +96,7 @@ class Study:
     kind : estimator that they are of.
     candidates : all sites, the sites of the layout in use and of gauges to be kept last.
     strain : of their gauges.
-    own, kept : sites of the layout in use, and of gauges to be kept.
+    layout_sites, kept_sites : sites of the layout in use, and of gauges to be kept.
     offered : number of sites that may be chosen, the first ones.
     model : goals are coefficients over their sigmas with the layout in use, mean over the states.
     own_sigma : (5,) these sigmas.
@@ -107,8 +107,8 @@ class Study:
     kind: Kind
     candidates: Candidates
     strain: CandidateStrain
-    own: tuple[int, ...]
-    kept: tuple[int, ...]
+    layout_sites: tuple[int, ...]
+    kept_sites: tuple[int, ...]
     offered: int
     model: GaussianModel
     own_sigma: FloatArray
@@ -234,8 +234,8 @@ def placement_study(
         kind=kind,
         candidates=everything,
         strain=strain,
-        own=tuple(layout_sites),
-        kept=tuple(kept_sites),
+        layout_sites=tuple(layout_sites),
+        kept_sites=tuple(kept_sites),
         offered=len(offered.sites),
         model=model,
         own_sigma=own_sigma,
@@ -279,10 +279,10 @@ def aimed(study: Study, aim: Aim) -> GaussianModel:
             raise InputError("--goal: air-data needs the nonlinear estimator, got the linear one")
         goals = air_data_goals(study.parts, study.strain)
         states = replace(model, goals=goals, fixed=np.zeros(goals.shape[:2]))
-        return normalised(states, study.own)[0]
+        return normalised(states, study.layout_sites)[0]
     if study.without_model_form is not None:
         halves = model.of_states(slice(0, None, 2)), study.without_model_form.of_states(slice(1, None, 2))
-        first, second = (normalised(half, study.own)[0] for half in halves)
+        first, second = (normalised(half, study.layout_sites)[0] for half in halves)
         model = first.joined(second, MODEL_FORM_PART)
     weight = np.array(aim.weights) / np.mean(aim.weights)
     return replace(model, goals=model.goals * np.sqrt(weight)[:, None], fixed=model.fixed * weight)
@@ -296,7 +296,7 @@ def place(study: Study, limits: Limits, aim: Aim, reporter: Reporter) -> Placeme
     InputError
         No choice keeps the limits.
     """
-    offered = study.candidates.of(list(range(study.offered)))
+    offered = study.candidates.gauges_of(list(range(study.offered)))
     kinds = list(dict.fromkeys(study.candidates.kind[gauge] for gauge in offered.tolist()))
     if limits.kinds is None or limits.kinds >= len(kinds):
         return _place(study, limits, aim, reporter)
@@ -322,7 +322,7 @@ def _place(study: Study, limits: Limits, aim: Aim, reporter: Reporter) -> Placem
         No choice keeps the limits.
     """
     objective = aimed(study, aim)
-    offered = [*range(study.offered), *study.kept]
+    offered = [*range(study.offered), *study.kept_sites]
     forced = list(range(study.offered, len(offered)))
     candidates = replace(study.candidates, sites=study.candidates.sites[offered])
     remaining, rules = rules_of(candidates, limits, forced)
@@ -344,7 +344,7 @@ def _place(study: Study, limits: Limits, aim: Aim, reporter: Reporter) -> Placem
         with reporter.stage(f"Gauges: against the loss of {words}") as progress:
             chosen = without_weak_points(model, coefficients, rules, chosen, progress, aim.losses)
     sites = of_study[chosen]
-    lost = lost_gauges(study.model, sites, study.candidates.of(sites), aim.losses)
+    lost = lost_gauges(study.model, sites, study.candidates.gauges_of(sites), aim.losses)
     if aim.robust:
         names = study.candidates.gauges.names
         remarks += robust_remarks(study, rules, of_study, chosen, lost, names)

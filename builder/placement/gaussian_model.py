@@ -71,17 +71,17 @@ class GaussianModel:
             weight=weight / weight.sum(),
         )
 
-    def joined(self, other: GaussianModel, part: float) -> GaussianModel:
+    def joined(self, second: GaussianModel, part: float) -> GaussianModel:
         """Return the model of the flight states of both; ``part`` of the criterion is this one's."""
-        m = max(self.rows.shape[-1], other.rows.shape[-1])
-        both = [model.of_unknowns(m) for model in (self, other)]
+        m = max(self.rows.shape[-1], second.rows.shape[-1])
+        both = [model.of_unknowns(m) for model in (self, second)]
         return replace(
             self,
             rows=np.concatenate([model.rows for model in both]),
             precision=np.concatenate([model.precision for model in both]),
             goals=np.concatenate([model.goals for model in both]),
             fixed=np.concatenate([model.fixed for model in both]),
-            weight=np.concatenate([part * self.weight, (1.0 - part) * other.weight]),
+            weight=np.concatenate([part * self.weight, (1.0 - part) * second.weight]),
         )
 
     def of_unknowns(self, count: int) -> GaussianModel:

@@ -156,8 +156,8 @@ def _too_near(candidates: Candidates, spacing: float) -> tuple[csr_array, BoolAr
     alone[first[first == second]] = True
     between = first != second
     a, b = first[between], second[between]
-    ones = np.ones(2 * len(a))
-    near = coo_array((ones, (np.concatenate([a, b]), np.concatenate([b, a]))), shape=(n, n))
+    links = np.ones(2 * len(a))
+    near = coo_array((links, (np.concatenate([a, b]), np.concatenate([b, a]))), shape=(n, n))
     return csr_array(near), alone
 
 
@@ -175,7 +175,7 @@ def _check_forced(candidates: Candidates, excludes: csr_array, forced: list[int]
 def _check_count(rules: Rules, limits: Limits) -> None:
     """Refuse a number of gauges that a choice by falling number of neighbours does not reach."""
     chosen = list(rules.forced)
-    blocked, remaining = rules.excluded_by(chosen), rules.left(chosen)
+    blocked, remaining = rules.excluded_by(chosen), rules.remaining_budget(chosen)
     order = np.argsort(np.diff(rules.excludes.indptr), kind="stable")
     for largest_first in (-rules.cost[order], rules.cost[order]):
         count, out, rest = len(chosen), blocked.copy(), remaining

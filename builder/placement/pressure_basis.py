@@ -49,11 +49,11 @@ class PressureBasis:
 
 
 def pressure_basis(
-    vehicle: Vehicle, snapshots: Snapshots, ensemble: Ensemble, others: Sequence[FloatArray] = ()
+    vehicle: Vehicle, snapshots: Snapshots, ensemble: Ensemble, flow_errors: Sequence[FloatArray] = ()
 ) -> PressureBasis:
     """Return the fields of the flows of ``snapshots``, of uniform pressure and of pressure off the tables.
 
-    ``others`` (k, n_p) are further fields, on another surface than rings.
+    ``flow_errors`` (k, n_p) are further fields, on another surface than rings.
     """
     if ensemble.grid is not None:
         return _of_revolution(vehicle, snapshots, ensemble.grid)
@@ -61,7 +61,12 @@ def pressure_basis(
     ambient = np.array([condition.ambient_pressure for condition in both.conditions()])
     mesh, entry = mesh_of(snapshots.surface), vehicle.map
     process = process_on_surface(mesh, entry)
-    parts = [both.pressure / ambient[:, None] - 1.0, np.ones((1, snapshots.pressure.shape[1])), process.T, *others]
+    parts = [
+        both.pressure / ambient[:, None] - 1.0,
+        np.ones((1, snapshots.pressure.shape[1])),
+        process.T,
+        *flow_errors,
+    ]
     columns = np.hstack([_span(part.T, NEGLIGIBLE) for part in parts if len(part)])
     return PressureBasis(fields=_span(columns, 1e-8))
 

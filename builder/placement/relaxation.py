@@ -64,7 +64,7 @@ def relaxed(
 ) -> Relaxed:
     """Return the relaxation to a gap of ``tolerance`` times the criterion; ``start`` is a choice of sites."""
     forced = list(rules.forced)
-    known, budget = model.with_known(forced), rules.left(forced)
+    known, budget = model.with_known(forced), rules.remaining_budget(forced)
     free, scale = rules.free, _scale(model)
     active = np.array([site for site in start if site not in set(forced)], dtype=np.int64)
     weight = np.zeros(model.n_sites)

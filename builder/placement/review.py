@@ -114,7 +114,7 @@ class Review:
 
 def review_of(study: Study) -> Review:
     """Return the review of the layout in use of ``study``, its candidates being those that could be added."""
-    model, layout_sites = study.model, list(study.own)
+    model, layout_sites = study.model, list(study.layout_sites)
     names = study.candidates.gauges.names
     variance = model.weight @ model.goal_variance(layout_sites)
     prior = np.sqrt(model.weight @ model.goal_variance([])) * study.own_sigma
@@ -143,7 +143,7 @@ def review_of(study: Study) -> Review:
         )
     return Review(
         kind=study.kind,
-        names=tuple(names[gauge] for gauge in study.candidates.of(layout_sites)),
+        names=tuple(names[gauge] for gauge in study.candidates.gauges_of(layout_sites)),
         sigma=study.own_sigma,
         prior=prior,
         unobserved=unobserved / variance,
@@ -156,7 +156,7 @@ def review_of(study: Study) -> Review:
         weakest=int(np.argmax(study.own_sigma / prior)),
         worth=marginal_worth(model, layout_sites) / value,
         spare=tuple(names[study.candidates.sites[site][0]] for site in _spare(study, layout_sites, value)),
-        best=(", ".join(names[gauge] for gauge in study.candidates.of([best])), float(gains[best]) / value),
+        best=(", ".join(names[gauge] for gauge in study.candidates.gauges_of([best])), float(gains[best]) / value),
         fault=DETECTED * fault_sizes(model, layout_sites),
         loss=loss_ratios(model, layout_sites),
         states=states,

@@ -53,14 +53,14 @@ class Rules:
             is_excluded[index[pointer[site] : pointer[site + 1]]] = True
         return is_excluded
 
-    def left(self, chosen: Iterable[int]) -> float:
+    def remaining_budget(self, chosen: Iterable[int]) -> float:
         """Return what is left of the budget."""
         return self.budget - float(self.cost[list(chosen)].sum())
 
     def allowed(self, chosen: Iterable[int], whole_budget: bool = False) -> BoolArray:
         """Return (n_a,) which sites may be chosen next."""
         chosen = list(chosen)
-        within = self.cost <= (self.budget if whole_budget else self.left(chosen)) + _SLACK
+        within = self.cost <= (self.budget if whole_budget else self.remaining_budget(chosen)) + _SLACK
         return within & ~self.excluded_by(chosen)
 
     def of_sites(self, sites: IntArray) -> Rules:

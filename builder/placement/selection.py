@@ -109,7 +109,7 @@ def rounded(weight: FloatArray, rules: Rules, seed: int | None = None) -> list[i
         exponential = np.random.default_rng(seed).exponential(size=len(weight))
         key = weight / exponential  # exponential race: an order without replacement in proportion to the weights
     order = np.argsort(-key, kind="stable")
-    blocked, remaining = rules.excluded_by(sites), rules.left(sites)
+    blocked, remaining = rules.excluded_by(sites), rules.remaining_budget(sites)
     pointer, index = rules.excludes.indptr, rules.excludes.indices
     for site in order[key[order] > 0.0].tolist():
         if not blocked[site] and rules.cost[site] <= remaining + ALIKE:

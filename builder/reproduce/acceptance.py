@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from builder.reproduce.paper_readings import SHIPPED
-from builder.reproduce.parity import Found, found
+from builder.reproduce.parity import Found, our_value
 from builder.reproduce.published import PUBLISHED
 from builder.reproduce.setups import TITLES
 from builder.reproduce.strain_models import HEXAHEDRA, TETRAHEDRA
@@ -70,7 +70,7 @@ def verdicts(studies: Studies) -> list[Verdict]:
     """Return all criteria; K1/K2 is judged by the shipped reading of the gauges' rows."""
     rows = []
     for criterion in CRITERIA:
-        ours = {key: found(studies, key, criterion.key) for key in TITLES}
+        ours = {key: our_value(studies, key, criterion.key) for key in TITLES}
         unit = PUBLISHED[criterion.key].unit
         rows.append(
             Verdict(

@@ -86,7 +86,7 @@ def pod_of(snapshots: FloatArray, weights: FloatArray | None) -> PressureModes:
 
 def case_1_map(modes: PressureModes, setup: SetUp, names: list[str], internal: float) -> Case1Map:
     """Return the map of the gauges ``names``; ``internal`` is the pressure inside [Pa]."""
-    operator = setup.inversion.of(names)
+    operator = setup.inversion.operator_of(names)
     noise = setup.sigma**2 * np.eye(len(names))
     solved = least_squares_map(
         operator @ modes.modes[:, :MODES],
@@ -94,7 +94,7 @@ def case_1_map(modes: PressureModes, setup: SetUp, names: list[str], internal: f
         noise,
         modes.coefficient_std[:MODES],
     )
-    return Case1Map(modes=modes, solved=solved, data_operator=setup.data.of(names), sigma=setup.sigma)
+    return Case1Map(modes=modes, solved=solved, data_operator=setup.data.operator_of(names), sigma=setup.sigma)
 
 
 def study_case_1(

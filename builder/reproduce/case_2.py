@@ -81,7 +81,7 @@ class Case2Map:
     sigma: float
     internal: float
 
-    def at(self, gamma: float) -> GaussianMap:
+    def with_gamma(self, gamma: float) -> GaussianMap:
         """Return the map with ``gamma``."""
         noise = self.sigma**2 * np.eye(len(self.data_operator))
         return gaussian_map(
@@ -111,7 +111,7 @@ class Case2Map:
 
 def case_2_map(prior: LowRankPrior, setup: SetUp, names: list[str], internal: float) -> Case2Map:
     """Return the map of the gauges ``names``; ``internal`` is the pressure inside [Pa]."""
-    operator = setup.inversion.of(names)
+    operator = setup.inversion.operator_of(names)
     state_operator = operator @ prior.factor
     spectrum = whitened_spectrum(state_operator, setup.sigma**2 * np.eye(len(names)))
     mean_strain = operator @ (prior.mean - internal)
@@ -120,7 +120,7 @@ def case_2_map(prior: LowRankPrior, setup: SetUp, names: list[str], internal: fl
         spectrum=spectrum,
         state_operator=state_operator,
         mean_strain=mean_strain,
-        data_operator=setup.data.of(names),
+        data_operator=setup.data.operator_of(names),
         sigma=setup.sigma,
         internal=internal,
     )
@@ -210,7 +210,7 @@ def study_field(
     seed: int = SEED,
 ) -> FieldStudy:
     """Estimate one ``tested`` field (n_p,) [Pa]; without noise there is one draw."""
-    solved = case.at(gamma)
+    solved = case.with_gamma(gamma)
     strain = case.data_operator @ (tested - case.internal)
     noise = np.zeros((1, len(strain)))
     if noisy:

@@ -54,7 +54,7 @@ class ReadingRow:
 
 def relative_condition_of(model: StrainModel, modes: PressureModes, names: list[str]) -> float:
     """Return K of the gauges ``names`` in the source's scaling (|d| = 100 um/m per gauge, q of unit rms norm)."""
-    z = model.of(names) @ modes.modes[:, :MODES]
+    z = model.operator_of(names) @ modes.modes[:, :MODES]
     scale = float(np.linalg.norm(modes.coefficient_std[:MODES]))
     return relative_condition(
         z, strain_norm=PUBLISHED_STRAIN * np.sqrt(len(names)), state_norm=1.0, state_scale=scale
@@ -136,7 +136,7 @@ def hoop_rows(models: Mapping[str, StrainModel], true: StrainModel, pressures: P
         ratios = []
         for kind in ("hoop", "axial"):
             chosen = [name for name in names if name.startswith(kind)]
-            strain, expected = net @ model.of(chosen).T, net @ true.of(chosen).T
+            strain, expected = net @ model.operator_of(chosen).T, net @ true.operator_of(chosen).T
             ratios.append((np.sum(strain * expected) / np.sum(expected**2), np.std(strain - expected) / sigma))
         rows.append(
             HoopRow(
@@ -197,7 +197,7 @@ def crime_rows(
                 field_error=float(np.linalg.norm(error)) / size,
                 odd_error=float(np.linalg.norm(odd_part(error, grid))) / size,
                 odd_strain=float(
-                    np.linalg.norm(inversion.of(names) @ odd_factor) / np.linalg.norm(case.state_operator)
+                    np.linalg.norm(inversion.operator_of(names) @ odd_factor) / np.linalg.norm(case.state_operator)
                 ),
             )
         )
@@ -205,7 +205,7 @@ def crime_rows(
 
 
 def _noise_free_error(case: Case2Map, tested: FloatArray) -> FloatArray:
-    solved = case.at(NOISE_FREE_GAMMA)
+    solved = case.with_gamma(NOISE_FREE_GAMMA)
     states = solved.strain_gain @ (case.data_operator @ (tested - case.internal)) + solved.state_offset
     error: FloatArray = case.prior.mean + case.prior.factor @ states - tested
     return error

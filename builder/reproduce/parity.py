@@ -68,14 +68,14 @@ def parity_rows(studies: Studies) -> list[ParityRow]:
     """Return one row per published number, in the order of the source."""
     rows = []
     for key, published in PUBLISHED.items():
-        ours = {setup: found(studies, setup, key) for setup in TITLES}
+        ours = {setup: our_value(studies, setup, key) for setup in TITLES}
         reason = REASONS.get(key)
         symmetric = 100.0 * crime(studies, FOURIER, FOURIER).field_error if key == "noise_free" else np.nan
         rows.append(ParityRow(published, ours, reason(studies) if reason else "", symmetric))
     return rows
 
 
-def found(studies: Studies, setup: str, key: str) -> Found:
+def our_value(studies: Studies, setup: str, key: str) -> Found:
     """Return our value of a published number in one set-up, in the unit of the published one."""
     if key == "surface_nodes":
         return _one(studies.measured.surface_nodes)

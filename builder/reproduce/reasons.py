@@ -69,14 +69,14 @@ def _ratio(studies: Studies) -> str:
 def _field(number: int) -> Callable[[Studies], str]:
     def why(studies: Studies) -> str:
         results = {key: studies.case_1[f"{key}-{number}"] for key in TITLES}
-        truncated, exact, whole = (
+        truncated, exact, noisy = (
             ", ".join(f"{100.0 * float(np.median(getattr(study, name))):.1f}" for study in results.values())
             for name in ("truncation", "noise_free_error", "field_error")
         )
         covered = 100.0 * float(results[SAME_MESH].covered.mean())
         return (
             f"Medians in the order of the columns: five modes alone leave {truncated} %; estimated without noise "
-            f"{exact} %; with noise {whole} %. Most of the error is not noise: the strain of the truncated modes "
+            f"{exact} %; with noise {noisy} %. Most of the error is not noise: the strain of the truncated modes "
             f"aliases into the coefficients. So the 3 sigma of the noise alone cover {covered:.0f} % of the "
             "samples, not 99.7 %."
         )

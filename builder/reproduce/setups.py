@@ -123,7 +123,7 @@ class SetUp:
 
 def noise_sigma(model: StrainModel, p1_net: FloatArray) -> float:
     """Return sigma [m/m]: 1 % of the median |strain| over P1 and Configuration 2 of the shipped reading."""
-    strain = p1_net @ model.of(SHIPPED.configuration(2)).T
+    strain = p1_net @ model.operator_of(SHIPPED.configuration(2)).T
     return NOISE_FRACTION * float(np.median(np.abs(strain)))
 
 

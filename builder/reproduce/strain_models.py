@@ -172,7 +172,7 @@ class StrainModel:
     operator: FloatArray
     facts: dict[str, Any]
 
-    def of(self, names: Sequence[str]) -> FloatArray:
+    def operator_of(self, names: Sequence[str]) -> FloatArray:
         """Return Z_p (n_d, n_p) [1/Pa] of the gauges ``names``, in their order."""
         return self.operator[self.indices(names)]
 

@@ -78,7 +78,7 @@ def _body_misfits(structure: Structure, body: BodyOfRevolution) -> list[Misfit]:
     largest = float(body.radius(np.linspace(0.0, body.length, 200)).max())
     pairs = (("length of the mesh", body.length, length), ("largest radius of the mesh", largest, radius))
     return [
-        Misfit(entry=what, expected=f"{expected:.6g} m", found=f"{found:.6g} m")
+        Misfit(entry=what, expected=f"{expected:.6g} m", actual=f"{found:.6g} m")
         for what, expected, found in pairs
         if abs(found / expected - 1.0) > SAME_BODY
     ]
@@ -89,7 +89,7 @@ def _extent_misfits(structure: Structure, case: SolidCase) -> list[Misfit]:
     expected = np.ptp(case.mesh.whole.node, axis=0)
     found = np.ptp(structure.point, axis=0)
     return [
-        Misfit(entry=f"extent of the mesh along {axis}", expected=f"{wanted:.6g} m", found=f"{held:.6g} m")
+        Misfit(entry=f"extent of the mesh along {axis}", expected=f"{wanted:.6g} m", actual=f"{held:.6g} m")
         for axis, wanted, held in zip("xyz", expected, found, strict=True)
         if abs(held - wanted) > SAME_BODY * expected.max()
     ]
@@ -109,19 +109,19 @@ def _entry_misfits(settings: Mapping[str, Any], case: SolidCase) -> list[Misfit]
     for entry, factor, section, name in numbers:
         expected, held = case.record[section].get(name), settings.get(section, {}).get(name)
         if expected is not None and held is not None and not isclose(held, expected, rel_tol=SAME):
-            found.append(Misfit(entry=entry, expected=f"{factor * expected:.9g}", found=f"{factor * held:.9g}"))
+            found.append(Misfit(entry=entry, expected=f"{factor * expected:.9g}", actual=f"{factor * held:.9g}"))
     masses, held_masses = case.record.get("regions_and_masses", {}), settings.get("regions_and_masses", {})
     if held_masses != masses:
         entry = "structure.mesh_materials, point_masses and covers"
-        found.append(Misfit(entry=entry, expected=f"{masses}", found=f"{held_masses}"))
+        found.append(Misfit(entry=entry, expected=f"{masses}", actual=f"{held_masses}"))
     wall, profile = settings.get("wall", {}), case.record["wall"].get("profile", [])
     if wall and wall.get("profile", []) != profile:
         found.append(
-            Misfit(entry="structure.wall_thickness_at", expected=f"{profile}", found=f"{wall.get('profile', [])}")
+            Misfit(entry="structure.wall_thickness_at", expected=f"{profile}", actual=f"{wall.get('profile', [])}")
         )
     support, held_support = case.record["support"], settings.get("support")
     if held_support is not None and held_support != support:
-        found.append(Misfit(entry="structure.support", expected=_words(support), found=_words(held_support)))
+        found.append(Misfit(entry="structure.support", expected=_words(support), actual=_words(held_support)))
     return found
 
 
@@ -133,7 +133,7 @@ def _gauges(structure: Structure, case: SolidCase) -> list[Misfit]:
     for layout, wanted in case.layouts.items():
         if layout not in structure.layouts:
             held = ", ".join(name for name in structure.layouts if not is_displaced(name))
-            return [Misfit(entry="gauges", expected=f"layout '{layout}'", found=f"the layouts {held}")]
+            return [Misfit(entry="gauges", expected=f"layout '{layout}'", actual=f"the layouts {held}")]
         misfit = _gauge_misfit(structure, layout, wanted)
         if misfit is not None:
             return [misfit]
@@ -145,7 +145,7 @@ def _gauge_misfit(structure: Structure, layout: str, wanted: Gauges) -> Misfit |
     where = f"gauges of layout '{layout}'"
     names = tuple(structure.gauge_names[i] for i in index)
     if len(names) != len(wanted.name):
-        return Misfit(entry=where, expected=f"{len(wanted.name)}", found=f"{len(names)}")
+        return Misfit(entry=where, expected=f"{len(wanted.name)}", actual=f"{len(names)}")
     direction = wanted.direction / np.linalg.norm(wanted.direction, axis=1, keepdims=True)
     for number, i in enumerate(index):
         pairs = (
@@ -158,7 +158,7 @@ def _gauge_misfit(structure: Structure, layout: str, wanted: Gauges) -> Misfit |
         for what, expected, held in pairs:
             if not _same(expected, held):
                 entry = f"{where}, gauge {number + 1} ({wanted.name[number]}), {what}"
-                return Misfit(entry=entry, expected=_text(expected), found=_text(held))
+                return Misfit(entry=entry, expected=_text(expected), actual=_text(held))
     return None
 
 

@@ -111,9 +111,11 @@ class Vehicle(Section):
             *(["[mass]"] if self.mass is not None else []),
         ]
         known = ", ".join(sorted(self.materials)) or "none"
-        named = [(f"regions.{n}", one.material) for n, one in enumerate(self.structure.regions, start=1)]
+        named = [(f"regions.{n}", region.material) for n, region in enumerate(self.structure.regions, start=1)]
         named += [
-            (f"frames.{n}", one.material) for n, one in enumerate(self.structure.frames, start=1) if one.material
+            (f"frames.{n}", frame.material)
+            for n, frame in enumerate(self.structure.frames, start=1)
+            if frame.material
         ]
         named = [(f"{where}.material", name) for where, name in named]
         named += [(f"mesh_materials.{region}", name) for region, name in self.structure.mesh_materials.items()]
@@ -200,8 +202,8 @@ class Vehicle(Section):
             faults = [] if not entry.mesh_materials else ["structure.mesh_materials: expected with a mesh alone"]
             return faults + [
                 f"structure.point_masses.{number}: expected none of y_m, z_m and on with a profile, got some"
-                for number, one in enumerate(entry.point_masses, start=1)
-                if one.y_m or one.z_m or one.on is not None
+                for number, point_mass in enumerate(entry.point_masses, start=1)
+                if point_mass.y_m or point_mass.z_m or point_mass.on is not None
             ]
         wall, masses = ("wall_thickness_at", "regions", "frames"), ("mesh_materials", "point_masses", "covers")
         if kind == "surface":
@@ -212,8 +214,8 @@ class Vehicle(Section):
             ]
             return faults + [
                 f"structure.point_masses.{number}.on: entry is missing, the surface of the mesh that carries it"
-                for number, one in enumerate(entry.point_masses, start=1)
-                if one.on is None
+                for number, point_mass in enumerate(entry.point_masses, start=1)
+                if point_mass.on is None
             ]
         return [
             f"structure.{name}: expected none with shape.{kind}, whose wall is of one thickness and material"
@@ -224,7 +226,7 @@ class Vehicle(Section):
     def _parameter_faults(self) -> list[str]:
         """Return flow parameters that its engine does not know."""
         engine, kind, faults = self.aerodynamics.engine, self.shape_kind, []
-        for name, one in self.conditions.parameters.items():
+        for name, parameter in self.conditions.parameters.items():
             where = f"conditions.parameters.{name}"
             if engine == "euler":
                 faults.append(
@@ -232,11 +234,11 @@ class Vehicle(Section):
                 )
             elif kind == "profile":
                 faults.append(f"{where}: expected [shape] with sections or surface, got a profile")
-            elif engine == "newtonian" and not one.surfaces:
+            elif engine == "newtonian" and not parameter.surfaces:
                 faults.append(
                     f"{where}.surfaces: entry is missing, the newtonian engine needs a surface at each end"
                 )
-            elif one.surfaces and (engine, kind) != ("newtonian", "surface"):
+            elif parameter.surfaces and (engine, kind) != ("newtonian", "surface"):
                 faults.append(f"{where}.surfaces: expected with shape.surface and engine 'newtonian' alone")
         return faults
 
@@ -301,7 +303,7 @@ class Vehicle(Section):
             entry.angle_of_attack_deg,
             entry.sideslip_angle_deg,
             [1e3 * altitude for altitude in entry.altitudes_km],
-            [one.values for one in entry.parameters.values()],
+            [parameter.values for parameter in entry.parameters.values()],
         )
 
     def internal_pressure(self, condition: FlightCondition) -> float:
@@ -410,7 +412,7 @@ def _missing_entries(vehicle: Vehicle) -> Iterator[str]:
     for level in ("map", "truth"):
         needed, resolution = _needed_by(vehicle, level), getattr(vehicle.resolution, level)
         for name, field in Resolution.model_fields.items():
-            by = [one for one in field.metadata if isinstance(one, NeededBy)]
+            by = [need for need in field.metadata if isinstance(need, NeededBy)]
             if name not in resolution.model_fields_set and needed.intersection(by):
                 yield f"resolution.{level}.{name}: entry is missing, it is required with {by[0].what}"
 
@@ -418,17 +420,17 @@ def _missing_entries(vehicle: Vehicle) -> Iterator[str]:
 def _needed_by(vehicle: Vehicle, level: str) -> set[NeededBy]:
     """Return what the model of a level consists of."""
     kind, flies = vehicle.shape_kind, level == "truth"
-    found = set() if kind == "surface" else {NODES}
+    needs = set() if kind == "surface" else {NODES}
     if kind == "profile":
-        found |= {FOURIER, ELEMENTS}
+        needs |= {FOURIER, ELEMENTS}
     if kind == "sections" and flies:
-        found.add(ELEMENTS)
+        needs.add(ELEMENTS)
     engine: str | None = vehicle.aerodynamics.engine
     if flies and kind == "profile":
         engine = _engine_that_flies(vehicle)
     if engine == "euler":
-        found.add(EULER)
-    return found
+        needs.add(EULER)
+    return needs
 
 
 def _engine_that_flies(vehicle: Vehicle) -> str | None:
@@ -455,7 +457,7 @@ def _flow_faults(vehicle: Vehicle) -> Iterator[str]:
     """Yield faults of the numbers of conditions, and of their pressures on the surface nodes."""
     entry, truth = vehicle.conditions, vehicle.truth
     lists = [entry.mach_number, entry.angle_of_attack_deg, entry.sideslip_angle_deg, entry.altitudes_km]
-    lists += [one.values for one in entry.parameters.values()]
+    lists += [parameter.values for parameter in entry.parameters.values()]
     knots = [truth.mach_number or (), truth.total_incidence_deg or ()]
     own_nodes = vehicle.shape_kind != "surface"
     for where, sizes, name, resolution in (

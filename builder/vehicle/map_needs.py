@@ -101,7 +101,7 @@ def doubtful_entries(vehicle: Vehicle, conditions: Sequence[FlightCondition]) ->
     ``conditions`` are the snapshots', from a manifest where the vehicle file names one.
     """
     yield from _small_angles(conditions)
-    largest = max(degrees(one.total_incidence) for one in conditions)
+    largest = max(degrees(condition.total_incidence) for condition in conditions)
     truth = max(vehicle.truth.total_incidence_deg or (0.0,))
     if is_in_radians(truth, largest):
         yield (
@@ -129,8 +129,8 @@ def is_in_radians(flown_deg: float, held_deg: float) -> bool:
 
 def _small_angles(conditions: Sequence[FlightCondition]) -> Iterator[str]:
     for name, angles in (
-        ("angle_of_attack_deg", [one.angle_of_attack for one in conditions]),
-        ("sideslip_angle_deg", [one.sideslip_angle for one in conditions]),
+        ("angle_of_attack_deg", [condition.angle_of_attack for condition in conditions]),
+        ("sideslip_angle_deg", [condition.sideslip_angle for condition in conditions]),
     ):
         largest = degrees(max(map(abs, angles)))
         if 0.0 < largest < SMALLEST_RANGE_DEG:

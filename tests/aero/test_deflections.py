@@ -77,11 +77,11 @@ def test_turned_body_has_the_pressure_of_turned_wind() -> None:
 def test_between_the_surfaces_nodes_move_in_lines_and_never_beyond() -> None:
     shift = np.random.default_rng(1).standard_normal((3, 5, 3))
     one = Deflection(name="flap_deg", value=np.array([-2.0, 0.0, 4.0]), shift=shift)
-    np.testing.assert_allclose(one.at(1.0), 0.75 * shift[1] + 0.25 * shift[2])
+    np.testing.assert_allclose(one.shift_at(1.0), 0.75 * shift[1] + 0.25 * shift[2])
     for i, value in enumerate(one.value):
-        np.testing.assert_allclose(one.at(value), shift[i], atol=1e-15)
+        np.testing.assert_allclose(one.shift_at(value), shift[i], atol=1e-15)
     with pytest.raises(FlowReachError, match=r"flap_deg: expected -2 .. 4, the values of its surfaces, got 4.5"):
-        one.at(4.5)
+        one.shift_at(4.5)
 
 
 @pytest.mark.fast

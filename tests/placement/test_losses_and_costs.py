@@ -103,7 +103,7 @@ def test_cables_cost_by_their_length(study: Study) -> None:
 def test_air_data_as_the_goal_make_the_flight_state_more_certain(study: Study) -> None:
     """Lower variance of Mach number, incidences and pressure than the placement for loads."""
     state = aimed(study, Aim(goal="air-data"))
-    np.testing.assert_allclose(np.sqrt(state.weight @ state.goal_variance(list(study.own))), 1.0)
+    np.testing.assert_allclose(np.sqrt(state.weight @ state.goal_variance(list(study.layout_sites))), 1.0)
     limits = Limits(gauges=8)
     found = place(study, limits, Aim(goal="air-data", starts=2), Silent())
     loads = place(study, limits, Aim(starts=2), Silent())

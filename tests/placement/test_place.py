@@ -88,7 +88,7 @@ def test_the_nonlinear_model_states_the_uncertainty_of_the_estimator(
     assert manifold is not None
     reference = NonlinearReference(built, manifold, manifold.gauge_covariance)
     states = flight_states(nonlinear.parts)
-    found = nonlinear.own_sigma * np.sqrt(nonlinear.model.goal_variance(nonlinear.own))
+    found = nonlinear.own_sigma * np.sqrt(nonlinear.model.goal_variance(nonlinear.layout_sites))
     for number in (3, 12, 20):
         state, n_d = states[number], manifold.n_gauges
         pressure = float(np.exp(state[3]))
@@ -147,7 +147,7 @@ def test_the_goal_of_the_field_is_the_posterior_of_pressure(
     """What all gauges and the first 20 take off the area-weighted variance, by Bayes' rule without any basis."""
     bayes = vehicle.model_copy(update={"map": vehicle.map.model_copy(update={"case": 2})})
     study = placement_study(bayes, snapshots, structure, replace(GRID, stations=(1.0, 2.0)))
-    problem, own = inverse_problem(bayes, snapshots, structure), list(study.own)
+    problem, own = inverse_problem(bayes, snapshots, structure), list(study.layout_sites)
     modes = rolled_modes(problem.ensemble, None)
     factor = modes.modes * modes.coefficient_std
     strain = problem.strain_operator @ factor
@@ -201,7 +201,7 @@ def best_of_random(model: GaussianModel, rules: Rules, draws: int, seed: int = 0
     random, best, value = np.random.default_rng(seed), list[int](), np.inf
     for _ in range(draws):
         chosen = list(rules.forced)
-        blocked, remaining = rules.excluded_by(chosen), rules.left(chosen)
+        blocked, remaining = rules.excluded_by(chosen), rules.remaining_budget(chosen)
         for site in random.permutation(model.n_sites).tolist():
             if not blocked[site] and rules.cost[site] <= remaining + 1e-9:
                 chosen.append(site)
@@ -246,7 +246,7 @@ def test_many_gauges_are_within_a_tenth_of_the_bound_and_better_than_the_publish
     found = place(study, replace(COUNTED, gauges=36), Aim(starts=3), Silent())
     assert 0.0 <= found.gap_percent < 10.0
     model = aimed(study, Aim())
-    own, placed = (model.weight @ model.goal_variance(list(sites)) for sites in (study.own, found.sites))
+    own, placed = (model.weight @ model.goal_variance(list(sites)) for sites in (study.layout_sites, found.sites))
     assert (placed < own).all()
     again = place(study, replace(COUNTED, gauges=36), Aim(starts=3), Silent())
     assert again.layout.names == found.layout.names
@@ -367,7 +367,7 @@ def test_the_command_writes_a_layout_and_a_figure(
 
 def test_a_review_names_what_a_layout_lacks(linear: Study) -> None:
     """Its numbers are those of the layout computed again with one gauge less, or one more."""
-    found, own = review_of(linear), list(linear.own)
+    found, own = review_of(linear), list(linear.layout_sites)
     value = linear.model.value(own)
     k = int(np.argmax(found.worth))
     without = linear.model.value(own[:k] + own[k + 1 :])
@@ -437,7 +437,7 @@ def test_auto_is_linear_where_the_flows_allow_no_tables(
 
 def test_a_fault_of_a_gauge_shows_in_the_prediction_by_the_others(nonlinear: Study) -> None:
     """The offset and its effect on the coefficients, from the posterior with and without the gauge."""
-    found, model, own = review_of(nonlinear), nonlinear.model, list(nonlinear.own)
+    found, model, own = review_of(nonlinear), nonlinear.model, list(nonlinear.layout_sites)
     for k in (0, 7):
         others = own[:k] + own[k + 1 :]
         h, variance, moved = model.gauge_rows([own[k]])[:, 0], 0.0, np.zeros(5)

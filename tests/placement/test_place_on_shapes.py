@@ -58,7 +58,7 @@ def study() -> Study:
 def test_strain_of_candidates_is_that_of_the_map(study: Study) -> None:
     """Forward solutions of the fields against Z_p by adjoint ones, at the gauges of the layout in use."""
     z_p = study.parts.structure.strain_operator("used") @ study.parts.basis.fields
-    own = study.strain.strain[study.candidates.of(list(study.own))]
+    own = study.strain.strain[study.candidates.gauges_of(list(study.layout_sites))]
     np.testing.assert_allclose(own, z_p, atol=1e-8 * np.abs(z_p).max())
 
 

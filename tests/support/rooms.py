@@ -30,6 +30,8 @@ FILLER = frozenset(
     )
 )
 """Words that name nothing, as identifiers."""
+OF_NUMPY = re.compile(r"\bnp\.(?:\w+\.)?(?:ones|at)\b")
+"""Names that numpy gave."""
 ROW = re.compile(r"^\| `(?P<name>[^`]+)` \|(?P<cells>.*)\|$", re.MULTILINE)
 
 
@@ -154,7 +156,7 @@ def filler_words(tree: str) -> float:
     for path in files():
         if path.suffix == ".py" and path.parts[0] == tree:
             total += text_of(path).count("\n")
-            tokens = tokenize.generate_tokens(io.StringIO(text_of(path)).readline)
+            tokens = tokenize.generate_tokens(io.StringIO(OF_NUMPY.sub("np", text_of(path))).readline)
             words += sum(token.type == tokenize.NAME and token.string in FILLER for token in tokens)
     return 1000.0 * words / total
 

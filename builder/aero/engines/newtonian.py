@@ -112,7 +112,9 @@ class NewtonianEngine:
 
     def _moved(self, parameters: tuple[float, ...]) -> SurfaceMesh:
         """Return the surface at values of the flow parameters; those that are not given leave it as it is."""
-        shifts = [deflection.at(value) for deflection, value in zip(self.deflections, parameters, strict=False)]
+        shifts = [
+            deflection.shift_at(value) for deflection, value in zip(self.deflections, parameters, strict=False)
+        ]
         return SurfaceMesh(self.surface.point + sum(shifts), self.surface.triangle) if shifts else self.surface
 
     def pressure_ratio(self, flow: Flow, condition: FlightCondition) -> FloatArray:

@@ -53,12 +53,12 @@ def part_below(pieces: Pieces, value: FloatArray, level: float) -> Pieces:
         rows = np.flatnonzero(count == alone)
         odd = np.argmax(below[rows] == (alone == 1), axis=1)
         order = (odd[:, None] + np.arange(3)) % 3
-        at = np.take_along_axis(at_corner[rows], order, axis=1)
+        ordered = np.take_along_axis(at_corner[rows], order, axis=1)
         turned = np.take_along_axis(pieces.share[rows], order[:, :, None], axis=1)
         turned = np.take_along_axis(turned, order[:, None, :], axis=2)
         first, second = (np.zeros((len(rows), 3)) for _ in range(2))
         for cut, end in ((first, 1), (second, 2)):
-            part = (level - at[:, 0]) / (at[:, end] - at[:, 0])
+            part = (level - ordered[:, 0]) / (ordered[:, end] - ordered[:, 0])
             cut[:, 0], cut[:, end] = 1.0 - part, part
         unit = [np.broadcast_to(np.eye(3)[k], (len(rows), 3)) for k in range(3)]
         parts = [[unit[0], first, second]] if alone == 1 else [[first, unit[1], unit[2]], [first, unit[2], second]]

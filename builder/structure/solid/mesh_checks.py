@@ -400,7 +400,7 @@ def mesh_misfits(mesh: SolidMesh, body: BodyOfRevolution, wall: Wall) -> list[Mi
     found = []
     length = float(outside[:, 0].max())
     if abs(length - body.length) > BODY_LENGTH_TOLERANCE * body.length:
-        found.append(Misfit(entry="length of the mesh", expected=f"{body.length:.4g} m", found=f"{length:.4g} m"))
+        found.append(Misfit(entry="length of the mesh", expected=f"{body.length:.4g} m", actual=f"{length:.4g} m"))
     meant = body.radius(np.clip(outside[:, 0], 0.0, body.length))
     off = np.abs(outside[:, 1] - meant)
     if np.percentile(off, 100.0 - OTHER_NODES) > RADIUS_TOLERANCE * body.base_radius:
@@ -409,7 +409,7 @@ def mesh_misfits(mesh: SolidMesh, body: BodyOfRevolution, wall: Wall) -> list[Mi
             Misfit(
                 entry=f"outer radius of the mesh at x = {outside[worst, 0]:.4g} m",
                 expected=f"{1e3 * meant[worst]:.4g} mm",
-                found=f"{1e3 * outside[worst, 1]:.4g} mm",
+                actual=f"{1e3 * outside[worst, 1]:.4g} mm",
             )
         )
     thickness = wall_thickness(outside, inside)
@@ -418,7 +418,7 @@ def mesh_misfits(mesh: SolidMesh, body: BodyOfRevolution, wall: Wall) -> list[Mi
             Misfit(
                 entry="wall thickness of the mesh",
                 expected=f"{1e3 * wall.thickness:.4g} mm",
-                found=f"{1e3 * thickness:.4g} mm",
+                actual=f"{1e3 * thickness:.4g} mm",
             )
         )
     return found

@@ -68,24 +68,24 @@ def read_conditions(path: Path) -> list[FlightCondition]:
     if tuple(cell.strip() for cell in header) != CONDITION_COLUMNS:
         got = shown_columns(header, CONDITION_COLUMNS)
         raise InputError(f"{path}: line 1: expected header '{','.join(CONDITION_COLUMNS)}', got {got}")
-    found: dict[FlightCondition, int] = {}
+    lines: dict[FlightCondition, int] = {}
     for line, row in rows:
         if any(cell.strip() for cell in row):
-            _add_condition(path, line, row, found)
-    if not found:
+            _add_condition(path, line, row, lines)
+    if not lines:
         raise InputError(f"{path}: expected at least 1 condition, got none")
-    return list(found)
+    return list(lines)
 
 
-def _add_condition(path: Path, line: int, row: list[str], found: dict[FlightCondition, int]) -> None:
-    """Add the condition of one row, which stands in no line before; ``found`` holds the line of each."""
+def _add_condition(path: Path, line: int, row: list[str], lines: dict[FlightCondition, int]) -> None:
+    """Add the condition of one row, which stands in no line before; ``lines`` has the line of each."""
     condition = _condition(path, line, row)
-    if condition in found:
+    if condition in lines:
         raise InputError(
-            f"{path}: line {line}: expected each condition once, got it in line {found[condition]} too"
+            f"{path}: line {line}: expected each condition once, got it in line {lines[condition]} too"
         )
-    found[condition] = line
-    if len(found) > MAX_CONDITIONS:
+    lines[condition] = line
+    if len(lines) > MAX_CONDITIONS:
         raise InputError(f"{path}: expected at most {MAX_CONDITIONS} conditions, got more")
 
 
@@ -166,7 +166,7 @@ class FlowParameter(Section):
     def _surfaces_hold_the_values(self) -> FlowParameter:
         if not self.surfaces:
             return self
-        known = once_each([self.undeflected, *(one.value for one in self.surfaces)])
+        known = once_each([self.undeflected, *(surface.value for surface in self.surfaces)])
         low, high = min(known), max(known)
         for value in self.values:
             if not low <= value <= high:
@@ -208,12 +208,16 @@ class Conditions(Section):
     @classmethod
     def _number_or_list(cls, value: Any) -> Any:
         """Refuse here, in one line, what is no altitude: a union has a fault for each of its parts."""
-        given = value if isinstance(value, list) else [value]
-        if not given:
+        altitudes = value if isinstance(value, list) else [value]
+        if not altitudes:
             raise ValueError("expected at least 1 value, got []")
-        for one in given:
-            if isinstance(one, bool) or not isinstance(one, int | float) or not ALTITUDE_KM.holds(one):
-                raise ValueError(f"expected {ALTITUDE_KM}, or a list of such numbers, got {one!r}")
+        for altitude in altitudes:
+            if (
+                isinstance(altitude, bool)
+                or not isinstance(altitude, int | float)
+                or not ALTITUDE_KM.holds(altitude)
+            ):
+                raise ValueError(f"expected {ALTITUDE_KM}, or a list of such numbers, got {altitude!r}")
         return value
 
     @field_validator(*CONDITION_COLUMNS)

@@ -52,22 +52,22 @@ def read_gauge_table(path: Path) -> list[TableGauge]:
     place, direction = _columns(path, header)
     if not 1 <= len(rows) <= MAX_GAUGES:
         raise InputError(f"{path}: expected 1 .. {MAX_GAUGES} gauges, got {len(rows)}")
-    found: dict[str, TableGauge] = {}
+    gauges: dict[str, TableGauge] = {}
     for line, row in rows:
         where = f"{path}, line {line}"
         if len(row) != len(header):
             raise InputError(f"{where}: expected {len(header)} values, got {len(row)}")
         entry = dict(zip(header, row, strict=True))
         name = entry["name"].strip()
-        if not name or not name.isprintable() or name in found:
+        if not name or not name.isprintable() or name in gauges:
             raise InputError(f"{where}: name: expected each name once, in printable text, got {name!r}")
-        found[name] = TableGauge(
+        gauges[name] = TableGauge(
             name=name,
             place={column: _number(entry[column], f"{where}, column {column}") for column in place},
             direction={column: _number(entry[column], f"{where}, column {column}") for column in direction},
             where=where,
         )
-    return list(found.values())
+    return list(gauges.values())
 
 
 def _columns(path: Path, header: list[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -75,8 +75,8 @@ def _columns(path: Path, header: list[str]) -> tuple[tuple[str, ...], tuple[str,
         for direction in DIRECTIONS:
             if sorted(header) == sorted(("name", *place, *direction)):
                 return place, direction
-    places, directions = (" or ".join("+".join(one) for one in every) for every in (PLACES, DIRECTIONS))
-    got = shown_columns(header, {"name", *(name for one in (*PLACES, *DIRECTIONS) for name in one)})
+    places, directions = (" or ".join("+".join(columns) for columns in every) for every in (PLACES, DIRECTIONS))
+    got = shown_columns(header, {"name", *(name for columns in (*PLACES, *DIRECTIONS) for name in columns)})
     raise InputError(f"{path}: expected the columns name, {places}, and {directions}, got {got}")
 
 

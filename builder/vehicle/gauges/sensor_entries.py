@@ -145,7 +145,7 @@ class Displacements(Section):
 
     @model_validator(mode="after")
     def _each_once(self) -> Displacements:
-        labels = [one.label for one in self.point]
+        labels = [point.label for point in self.point]
         for label in labels:
             if labels.count(label) > 1:
                 raise ValueError(f"point: expected each name once, got '{label}' twice; give them names")
@@ -210,9 +210,11 @@ class Sensors(Section):
     def _one_body(self) -> Sensors:
         if self.imu is not None and self.angular_accelerometers is not None:
             for name in ROTATION:
-                expected, given = (getattr(one, name) for one in (self.imu, self.angular_accelerometers))
-                if given != expected:
-                    raise ValueError(f"angular_accelerometers.{name}: expected {expected:g} of imu, got {given:g}")
+                expected, stated = (getattr(sensor, name) for sensor in (self.imu, self.angular_accelerometers))
+                if stated != expected:
+                    raise ValueError(
+                        f"angular_accelerometers.{name}: expected {expected:g} of imu, got {stated:g}"
+                    )
         return self
 
     @property

@@ -189,15 +189,15 @@ class MapEntry(Section):
         stations = self.section_stations_m
         if any(not first < second for first, second in pairwise(stations)):
             raise ValueError(f"section_stations_m: expected rising numbers, got {list(stations)}")
-        known, names = ", ".join(sorted(self.regions)) or "none", [one.name for one in self.hinge_moments]
-        for number, one in enumerate(self.hinge_moments, start=1):
-            if one.region not in self.regions:
+        known, names = ", ".join(sorted(self.regions)) or "none", [hinge.name for hinge in self.hinge_moments]
+        for number, hinge in enumerate(self.hinge_moments, start=1):
+            if hinge.region not in self.regions:
                 raise ValueError(
-                    f"hinge_moments.{number}.region: expected one of [map.regions], {known}, got '{one.region}'"
+                    f"hinge_moments.{number}.region: expected one of [map.regions], {known}, got '{hinge.region}'"
                 )
-            if one.name in names[: number - 1]:
-                raise ValueError(f"hinge_moments.{number}.name: expected another than before, got '{one.name}'")
-        names = [one.name for one in self.bending_moments]
+            if hinge.name in names[: number - 1]:
+                raise ValueError(f"hinge_moments.{number}.name: expected another than before, got '{hinge.name}'")
+        names = [bending.name for bending in self.bending_moments]
         for number, name in enumerate(names, start=1):
             if name in names[: number - 1]:
                 raise ValueError(f"bending_moments.{number}.name: expected another than before, got '{name}'")

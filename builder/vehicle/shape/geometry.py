@@ -136,8 +136,8 @@ class BodyOfRevolution:
         index = self._segment_index(stations, side)
         values = np.empty_like(stations)
         for i, segment in enumerate(self.segments):
-            here = index == i
-            values[here] = getattr(segment, what)(stations[here])
+            on_piece = index == i
+            values[on_piece] = getattr(segment, what)(stations[on_piece])
         return values.reshape(np.shape(x))
 
 
@@ -270,8 +270,8 @@ def _stations_from_steep_tip(body: BodyOfRevolution, end: float, count: int) -> 
     radius = body.radius(x)
     angle = body.angle(x)
     length = np.hypot(np.diff(x), np.diff(radius))
-    each = count * length / length.sum() + np.abs(np.diff(angle)) / TURN_PER_STATION
-    place = np.concatenate([[0.0], np.cumsum(each)])
+    per_interval = count * length / length.sum() + np.abs(np.diff(angle)) / TURN_PER_STATION
+    place = np.concatenate([[0.0], np.cumsum(per_interval)])
     stations = np.interp(np.linspace(0.0, place[-1], int(np.ceil(place[-1])) + 1), place, x)
     stations[-1] = end
     return np.asarray(stations)

@@ -394,9 +394,9 @@ def _check_points(where: str, x: list[float], r: list[float], start_x: float, st
         raise InputError(f"{where}: expected {MIN_POINTS} or more points, got {len(x)} x, {len(r)} r")
     if not all(map(isfinite, (*x, *r))):
         raise InputError(f"{where}: expected finite numbers, got nan or inf")
-    for one, other in pairwise(x):
-        if other <= one:
-            raise InputError(f"{where}: expected increasing stations, got {one:g} and then {other:g}")
+    for first, second in pairwise(x):
+        if second <= first:
+            raise InputError(f"{where}: expected increasing stations, got {first:g} and then {second:g}")
     if abs(x[0] - start_x) > JOIN or abs(r[0] - start_radius) > JOIN:
         raise InputError(
             f"{where}: expected x {start_x:.9g}, r {start_radius:.9g} m first, within 1 um of the end of the "
@@ -448,19 +448,21 @@ def _piece_record(piece: Segment) -> dict[str, float]:
         return record
     share = np.arange(1, RADII + 1) / RADII
     radius = piece.radius(piece.start_x + share * (piece.end_x - piece.start_x)).tolist()
-    return {**record, **{f"radius_{number}_m": one for number, one in enumerate(radius, start=1)}}
+    return {**record, **{f"radius_{number}_m": value for number, value in enumerate(radius, start=1)}}
 
 
 def profile_misfits(record: Sequence[dict[str, Any]], body: BodyOfRevolution) -> list[Misfit]:
     """Return in what the recorded meridian differs from ``body``; entries count pieces from 1."""
     expected = profile_record(body)
     if len(record) != len(expected):
-        return [Misfit(entry="profile", expected=f"{len(expected)} pieces", found=f"{len(record)}")]
+        return [Misfit(entry="profile", expected=f"{len(expected)} pieces", actual=f"{len(record)}")]
     return [
         Misfit(
-            entry=f"profile.{number}.{name}", expected=f"{value:.9g}", found=f"{held.get(name, float('nan')):.9g}"
+            entry=f"profile.{number}.{name}",
+            expected=f"{value:.9g}",
+            actual=f"{piece.get(name, float('nan')):.9g}",
         )
-        for number, (held, wanted) in enumerate(zip(record, expected, strict=True), start=1)
+        for number, (piece, wanted) in enumerate(zip(record, expected, strict=True), start=1)
         for name, value in wanted.items()
-        if not isclose(held.get(name, float("nan")), value, rel_tol=SAME, abs_tol=SAME)
+        if not isclose(piece.get(name, float("nan")), value, rel_tol=SAME, abs_tol=SAME)
     ]

@@ -77,12 +77,12 @@ class SectionedBody:
         x, roll_angle = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(roll_angle, dtype=float))
         a, b, n, c = np.moveaxis(self._of_x(np.clip(x, 0.0, self.length)), -1, 0)
         sine, cosine = np.abs(np.sin(roll_angle)), np.cos(roll_angle)
-        behind = a > 0.0
-        a, b = np.where(behind, a, 1.0), np.where(behind, b, 1.0)
+        positive = a > 0.0
+        a, b = np.where(positive, a, 1.0), np.where(positive, b, 1.0)
         radius = ((sine / a) ** n + np.abs(cosine / b) ** n) ** (-1.0 / n)
         if self.centre_z.any():
             radius = _off_centre(sine / a, cosine, b, n, c)
-        return np.where(behind, radius, 0.0)
+        return np.where(positive, radius, 0.0)
 
     def spread_roll_angle(self, x: FloatArray, angle: FloatArray) -> FloatArray:
         """Return roll angles [rad] closer to each other where a flat section turns fast.
@@ -147,12 +147,12 @@ def read_sections(path: Path, interpolation: str = "linear") -> SectionedBody:
     values = []
     for number, row in rows:
         try:
-            found = dict(zip(header, map(float, row), strict=True))
+            cells = dict(zip(header, map(float, row), strict=True))
         except ValueError as error:
             raise InputError(
                 f"{path}: line {number}: expected {len(header)} numbers, got {','.join(row)}"
             ) from error
-        values.append([found.get(name, OPTIONAL.get(name, 0.0)) for name in (*REQUIRED, *OPTIONAL)])
+        values.append([cells.get(name, OPTIONAL.get(name, 0.0)) for name in (*REQUIRED, *OPTIONAL)])
         _check_row(path, number, values)
     if len(values) < 2:
         raise InputError(f"{path}: expected a tip and at least one section, got {len(values)} rows")

@@ -42,9 +42,9 @@ class Shape(Section):
 
     @model_validator(mode="after")
     def _one_kind(self) -> Shape:
-        given = [name for name in KINDS if getattr(self, name) is not None]
-        if len(given) != 1:
-            raise ValueError(f"expected one of {', '.join(KINDS)}, got {' and '.join(given) or 'none'}")
+        kinds = [name for name in KINDS if getattr(self, name) is not None]
+        if len(kinds) != 1:
+            raise ValueError(f"expected one of {', '.join(KINDS)}, got {' and '.join(kinds) or 'none'}")
         if self.surface is not None and self.unit is None and self.length_m is None:
             raise ValueError(
                 "surface: expected unit or length_m with it, got neither; files of triangles hold no unit"

@@ -155,20 +155,22 @@ class Structure(Section):
     @model_validator(mode="before")
     @classmethod
     def _external_is_no_model_of_ours(cls, values: Any) -> Any:
-        given = [name for name in EXTERNAL_STRUCTURES if isinstance(values, dict) and values.get(name) is not None]
-        if not given:
+        entries = [
+            name for name in EXTERNAL_STRUCTURES if isinstance(values, dict) and values.get(name) is not None
+        ]
+        if not entries:
             return values
-        if len(given) > 1:
-            raise ValueError(f"expected one of {' and '.join(given)}, got both")
+        if len(entries) > 1:
+            raise ValueError(f"expected one of {' and '.join(entries)}, got both")
         if values.get("checked_by") is not None:
-            raise ValueError(f"checked_by: expected none with {given[0]}, got {values['checked_by']!r}")
+            raise ValueError(f"checked_by: expected none with {entries[0]}, got {values['checked_by']!r}")
         if values.get("model", "solid") != "solid":
-            raise ValueError(f"model: expected none with {given[0]}, got '{values['model']}'")
+            raise ValueError(f"model: expected none with {entries[0]}, got '{values['model']}'")
         return values | {"model": "solid"}
 
     @model_validator(mode="after")
     def _stations_rise(self) -> Structure:
-        stations = [one.x_m for one in self.wall_thickness_at]
+        stations = [point.x_m for point in self.wall_thickness_at]
         for before, after in pairwise(stations):
             if after <= before:
                 raise ValueError(f"wall_thickness_at: expected stations that rise, got {after:g} after {before:g}")
@@ -190,12 +192,12 @@ class Structure(Section):
 
     @model_validator(mode="after")
     def _foundation_has_stiffness(self) -> Structure:
-        given = [self.foundation_normal_N_per_m3 is not None, self.foundation_tangential_N_per_m3 is not None]
-        if self.support == "elastic_foundation" and not all(given):
+        stated = [self.foundation_normal_N_per_m3 is not None, self.foundation_tangential_N_per_m3 is not None]
+        if self.support == "elastic_foundation" and not all(stated):
             raise ValueError(
                 "support 'elastic_foundation' needs foundation_normal_N_per_m3 and foundation_tangential_N_per_m3"
             )
-        if self.support != "elastic_foundation" and any(given):
+        if self.support != "elastic_foundation" and any(stated):
             raise ValueError(f"foundation stiffness found with support '{self.support}', it has no foundation")
         return self
 
@@ -310,7 +312,7 @@ class Temperature(Section):
 
     @model_validator(mode="after")
     def _check(self) -> Temperature:
-        stations, names = self.stations_m or [], [one.name for one in self.sensor]
+        stations, names = self.stations_m or [], [sensor.name for sensor in self.sensor]
         if any(b <= a for a, b in pairwise(stations)):
             raise ValueError(f"stations_m: expected increasing stations, got {stations}")
         if len(set(names)) < len(names):

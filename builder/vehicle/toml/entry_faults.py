@@ -85,8 +85,8 @@ def _lines(fault: ErrorDetails, model: type[BaseModel]) -> Iterator[str]:
     )
     if fault["type"] == "value_error":
         error = fault["ctx"]["error"]
-        for found in error.faults if isinstance(error, Faults) else [str(error)]:
-            text = " ".join(found.split())
+        for message in error.faults if isinstance(error, Faults) else [str(error)]:
+            text = " ".join(message.split())
             yield f"{where}: {text}" if where else text
         return
     if fault["type"] == "extra_forbidden":
@@ -104,14 +104,14 @@ def _lines(fault: ErrorDetails, model: type[BaseModel]) -> Iterator[str]:
 @cache
 def _tags(model: type[BaseModel]) -> frozenset[str]:
     """Return the kinds that distinguish the members of unions, of all sections of a file."""
-    own = get_args(model.model_fields["kind"].annotation) if "kind" in model.model_fields else ()
-    below = [_tags(one) for field in model.model_fields.values() for one in _models_in(field.annotation)]
-    return frozenset(own).union(*below)
+    kinds = get_args(model.model_fields["kind"].annotation) if "kind" in model.model_fields else ()
+    below = [_tags(submodel) for field in model.model_fields.values() for submodel in _models_in(field.annotation)]
+    return frozenset(kinds).union(*below)
 
 
 def _kinds_at(location: tuple[int | str, ...], model: type[BaseModel]) -> str:
     """Return the kinds of section allowed at ``location``."""
-    kinds = [repr(tag) for one in _models_at((*location, "kind"), model) for tag in _tags(one)]
+    kinds = [repr(tag) for submodel in _models_at((*location, "kind"), model) for tag in _tags(submodel)]
     return " or ".join(part for part in (", ".join(kinds[:-1]), kinds[-1]) if part)
 
 
@@ -145,8 +145,8 @@ def _range_at(location: tuple[int | str, ...], model: type[BaseModel]) -> str:
     """Return the range allowed for the number that ``location`` points at, "" where it has none."""
     keys = [part for part in location if not isinstance(part, int) and not _is_member(part)]
     low = high = ""
-    for one in _models_at(location, model):
-        field = one.model_fields.get(str(keys[-1]))
+    for submodel in _models_at(location, model):
+        field = submodel.model_fields.get(str(keys[-1]))
         for limit in _constraints(field) if field is not None else ():
             if isinstance(limit, Ge | Gt):
                 low = f"{limit.ge if isinstance(limit, Ge) else limit.gt:g}"
@@ -187,7 +187,7 @@ def _meant(location: tuple[int | str, ...], model: type[BaseModel]) -> str | Non
     key = str(location[-1])
     allowed = _keys_beside(location, model)
     stem = _without_unit(key)
-    alike = [one for one in allowed if _without_unit(one) == stem and one != key]
+    alike = [candidate for candidate in allowed if _without_unit(candidate) == stem and candidate != key]
     return next(iter(alike or difflib.get_close_matches(key, allowed, n=1)), None)
 
 
@@ -198,27 +198,29 @@ def _without_unit(key: str) -> str:
 
 def _keys_beside(location: tuple[int | str, ...], model: type[BaseModel]) -> list[str]:
     """Return the keys allowed in the section that ``location`` points into."""
-    return [key for one in _models_at(location, model) for key in one.model_fields]
+    return [key for submodel in _models_at(location, model) for key in submodel.model_fields]
 
 
 def _models_at(location: tuple[int | str, ...], model: type[BaseModel]) -> list[type[BaseModel]]:
     """Return the sections, one or several members of a union, that ``location`` points into."""
-    here = [model]
+    models = [model]
     for part in location[:-1]:
         if isinstance(part, int):
             continue
-        inside = [one.model_fields[part].annotation for one in here if part in one.model_fields]
+        inside = [submodel.model_fields[part].annotation for submodel in models if part in submodel.model_fields]
         if inside:
-            here = [one for annotation in inside for one in _models_in(annotation)] or here
+            models = [submodel for annotation in inside for submodel in _models_in(annotation)] or models
             continue
         # Otherwise it is a name of the user's, or the kind that distinguishes the members of a union.
-        tagged = [one for one in here if "kind" in one.model_fields]
-        here = [one for one in tagged if part in get_args(one.model_fields["kind"].annotation)] or here
-    return here
+        tagged = [submodel for submodel in models if "kind" in submodel.model_fields]
+        models = [
+            submodel for submodel in tagged if part in get_args(submodel.model_fields["kind"].annotation)
+        ] or models
+    return models
 
 
 def _models_in(annotation: Any) -> list[type[BaseModel]]:
     """Return the sections that a field may hold, through lists, dictionaries and unions."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return [annotation]
-    return [one for part in get_args(annotation) for one in _models_in(part)]
+    return [submodel for part in get_args(annotation) for submodel in _models_in(part)]

@@ -53,13 +53,13 @@ def read_sections(
             f"{path}: not a {kind}: expected entries such as {sections}, got {len(entries) - known} others"
         )
     try:
-        found = model.model_validate(entries)
-        faults = other_faults(found)
+        content = model.model_validate(entries)
+        faults = other_faults(content)
     except ValidationError as error:
         faults = all_faults(error, model)
     if faults:
         raise FaultsError("\n".join(f"{path}: {line}" for line in _limited(faults)))
-    return found
+    return content
 
 
 def _set_entry(entries: dict[str, Any], name: str, value: Any) -> None:

@@ -43,7 +43,7 @@ def _show(proposed: ProposedGauges) -> None:
     table.add_column("gauges", justify="right")
     for name in COEFFICIENT_NAMES:
         table.add_column(name, justify="right")
-    own_count = int(study.candidates.n_gauges[list(study.own)].sum())
+    own_count = int(study.candidates.n_gauges[list(study.layout_sites)].sum())
     table.add_row(layout, str(own_count), *(f"{1e4 * value:.3g}" for value in placement.own_sigmas))
     table.add_row(
         "placed", str(len(placement.layout.names)), *(f"{1e4 * value:.3g}" for value in placement.sigmas)
@@ -62,7 +62,7 @@ def _show(proposed: ProposedGauges) -> None:
     table.add_column("gauges")
     table.add_column("rises by", justify="right")
     for index in order.tolist():
-        site = study.candidates.of([placement.sites[index]])
+        site = study.candidates.gauges_of([placement.sites[index]])
         table.add_row(", ".join(names[gauge] for gauge in site), f"{100.0 * placement.worth[index]:.2f} %")
     console.print(table)
     say(*placement.remarks, f"bound gap: {placement.gap_percent:.2f} %")

@@ -167,7 +167,7 @@ def _spherical_start(
     begun = start_behind_cap(cap, rays, flow, fine)
     plane, stations, pressures = begun.plane, [begun.stations], [begun.pressure]
     end = min(plane.x + TIP_GRID_LENGTH * cap.radius, float(walls[-1].x[-1]))
-    at, unused = np.empty((2, rays.sine.size))
+    wall_radius, unused = np.empty((2, rays.sine.size))
     for wall in walls:
         to = min(end, float(wall.x[-1]))
         if to > plane.x:
@@ -176,8 +176,8 @@ def _spherical_start(
             pressures.append(pressure)
         # A cut at the very end of the cap needs no march, and the wall there all the same.
         if wall.x[0] <= plane.x <= wall.x[-1]:
-            find_wall(plane.x, wall, at, unused)
-    corner.regrid(plane, at, fine, grid)
+            find_wall(plane.x, wall, wall_radius, unused)
+    corner.regrid(plane, wall_radius, fine, grid)
     return plane, (np.concatenate(stations), np.concatenate(pressures)), begun.residual
 
 
@@ -236,15 +236,15 @@ def _through_fan(
     plane.force = force
     downstream = corner.let_fan_in(plane, before, after, stream, finest)
     stations, pressures = [np.array([x_corner + 0.5 * distance])], [GAMMA * downstream[None]]
-    at, unused = np.empty((2, radius.size))
+    wall_radius, unused = np.empty((2, radius.size))
     for finer, coarser in pairwise(reversed(levels)):
         distance = min(2.0 * distance, length)
         if x_corner + distance > plane.x:
             x, ratio = advance(plane, after, x_corner + distance, flow, finer)
             stations.append(x)
             pressures.append(ratio)
-        find_wall(plane.x, after, at, unused)
-        corner.regrid(plane, at, finer, coarser)
+        find_wall(plane.x, after, wall_radius, unused)
+        corner.regrid(plane, wall_radius, finer, coarser)
     return np.concatenate(stations), np.concatenate(pressures)
 
 

@@ -89,9 +89,11 @@ def means_between(values: FloatArray, known: FloatArray, target: FloatArray) -> 
     """
     width, centre = np.diff(known), 0.5 * (known[:, 1:] + known[:, :-1])
     rise = np.diff(values, axis=2) / np.diff(centre)
-    left, right = rise[:, :, :-1], rise[:, :, 1:]
+    before, after = rise[:, :, :-1], rise[:, :, 1:]
     slope = np.zeros_like(values)
-    slope[:, :, 1:-1] = np.where(left * right > 0.0, np.where(np.abs(left) < np.abs(right), left, right), 0.0)
+    slope[:, :, 1:-1] = np.where(
+        before * after > 0.0, np.where(np.abs(before) < np.abs(after), before, after), 0.0
+    )
     slope[:, :, 0] = rise[:, :, 0]
     total = np.concatenate([np.zeros((*values.shape[:2], 1)), np.cumsum(values * width, axis=2)], axis=2)
     result = np.empty((*values.shape[:2], target.shape[1] - 1))
@@ -195,8 +197,8 @@ def let_fan_in(plane: Plane, before: Wall, after: Wall, stream: WallStream, grid
         low, area = target[j, :reached], np.diff(target[j, : reached + 1])
         inside = np.minimum(target[j, 1 : reached + 1], head) - low
         half_square = low[:, None] + (np.arange(SAMPLES) + 0.5) / SAMPLES * inside[:, None]
-        at = np.arctan((np.sqrt(2.0 * half_square) - corner_radius[0]) / distance)
-        p, rho, u, outward = (np.interp(at, angles, row) for row in flow)
+        ray_angle = np.arctan((np.sqrt(2.0 * half_square) - corner_radius[0]) / distance)
+        p, rho, u, outward = (np.interp(ray_angle, angles, row) for row in flow)
         v = outward * rays.cell_sine[j] + stream.around[j] * rays.cell_cosine[j]
         w = outward * rays.cell_cosine[j] - stream.around[j] * rays.cell_sine[j]
         means = np.stack([rho * u, rho * u * u + p, rho * u * v, rho * u * w]).mean(axis=2)

@@ -60,10 +60,10 @@ def outer_boundary_growth(
         slope = shock_slope(pressure, stream.u, stream.v * ny + stream.w * nz)
         at_face[j] = slope / (ny * rays.cell_sine[j] + nz * rays.cell_cosine[j])
     for j in range(n_phi + 1):
-        behind, ahead, left, right = j - 1, j, j - 1, j + 1
+        previous, following, left, right = j - 1, j, j - 1, j + 1
         if j == 0:
-            behind, left = (n_phi - 1, n_phi - 1) if rays.closed else (0, 1)
+            previous, left = (n_phi - 1, n_phi - 1) if rays.closed else (0, 1)
         if j == n_phi:
-            ahead, right = (0, 1) if rays.closed else (n_phi - 1, n_phi - 1)
+            following, right = (0, 1) if rays.closed else (n_phi - 1, n_phi - 1)
         unevenness = outer[left] - 2.0 * outer[j] + outer[right]
-        growth[j] = 0.5 * (at_face[behind] + at_face[ahead]) + SMOOTHING * unevenness / x
+        growth[j] = 0.5 * (at_face[previous] + at_face[following]) + SMOOTHING * unevenness / x

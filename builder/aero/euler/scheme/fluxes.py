@@ -124,12 +124,12 @@ def add_circumferential_fluxes(
     unfit = 0
     for j in range(n_phi if rays.closed else n_phi + 1):
         ray = (rays.sine[j], rays.cosine[j])
-        behind, ahead = j - 1, j
+        previous, following = j - 1, j
         if rays.closed and j == 0:
-            behind = n_phi - 1
+            previous = n_phi - 1
         # Across the symmetry plane (y = 0) lies the mirror image.
-        left_cell, left_side, left_y = (behind, 1.0, 1.0) if behind >= 0 else (ahead, -1.0, -1.0)
-        right_cell, right_side, right_y = (ahead, -1.0, 1.0) if ahead < n_phi else (behind, 1.0, -1.0)
+        left_cell, left_side, left_y = (previous, 1.0, 1.0) if previous >= 0 else (following, -1.0, -1.0)
+        right_cell, right_side, right_y = (following, -1.0, 1.0) if following < n_phi else (previous, 1.0, -1.0)
         for i in range(n_r):
             sx, sy, sz = face_area(step, j, i, j, i + 1)
             (pl, rl, ul, vl, wl), unfit_left = reconstruct(
@@ -143,8 +143,8 @@ def add_circumferential_fluxes(
             flux[0, i], flux[1, i], flux[2, i], flux[3, i] = _flow_through(left, right, sx, sy, sz)
         for k in range(4):
             for i in range(n_r):
-                if behind >= 0:
-                    change[k, behind, i] -= flux[k, i]
-                if ahead < n_phi:
-                    change[k, ahead, i] += flux[k, i]
+                if previous >= 0:
+                    change[k, previous, i] -= flux[k, i]
+                if following < n_phi:
+                    change[k, following, i] += flux[k, i]
     repairs[0] += unfit

@@ -89,9 +89,9 @@ def circumferential_slopes(wave: FloatArray, step: float, half: FloatArray) -> N
     for j in range(n_phi):
         slight_differences(wave[0, j + 1], wave[1, j + 1], step, slight)
         for k in range(4):
-            before, here, after = wave[k, j], wave[k, j + 1], wave[k, j + 2]
+            before, centre, after = wave[k, j], wave[k, j + 1], wave[k, j + 2]
             for i in range(n_r):
-                half[k, j, i] = 0.5 * smooth_mean(here[i] - before[i], after[i] - here[i], slight[k, i])
+                half[k, j, i] = 0.5 * smooth_mean(centre[i] - before[i], after[i] - centre[i], slight[k, i])
 
 
 @inlined

@@ -120,10 +120,10 @@ def sweep(
             if stage == 0:
                 crossing_steps(before, cell, spacing, rays, wall_slope=slope, growth=growth, step=step)
                 for j in range(n_phi + 1):
-                    behind, ahead = max(j - 1, 0), min(j, n_phi - 1)
+                    previous, following = max(j - 1, 0), min(j, n_phi - 1)
                     if rays.closed and (j == 0 or j == n_phi):
-                        behind, ahead = n_phi - 1, 0
-                    outer_step[j] = COURANT * min(step[behind, n_r - 1], step[ahead, n_r - 1])
+                        previous, following = n_phi - 1, 0
+                    outer_step[j] = COURANT * min(step[previous, n_r - 1], step[following, n_r - 1])
             for j in range(n_phi + 1):
                 slope_after[j], outer_after[j] = slope[j] * (1.0 + PROBE), outer[j] + PROBE * growth[j]
             place_vertices(slope_after, outer_after, spacing, rays, after)

@@ -204,9 +204,9 @@ class SphereFlow:
     def state(self, theta: FloatArray, r: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Return p, rho, u, v at theta [rad] and r, shapes alike; points off the layer count as on its edge."""
         eta = np.clip((r - 1.0) / (self.shock_radius(theta) - 1.0), 0.0, 1.0)
-        at = (theta / self.nodes.reach, 2.0 * eta - 1.0)
+        point = (theta / self.nodes.reach, 2.0 * eta - 1.0)
         u, v, s = (
-            np.asarray(chebval2d(*at, coefficients), dtype=float) for coefficients in (self.u, self.v, self.s)
+            np.asarray(chebval2d(*point, coefficients), dtype=float) for coefficients in (self.u, self.v, self.s)
         )
         sound = (GAMMA - 1.0) * (self.nodes.enthalpy - 0.5 * (u * u + v * v))
         density: FloatArray = np.exp((np.log(sound / GAMMA) - s) / (GAMMA - 1.0))
