@@ -19,7 +19,6 @@ from builder.trial.cases import Case, ClosedLoop, LoopFault
 from builder.trial.faults import MICRO
 from builder.trial.run import labelled
 from builder.trial.score import Row
-from builder.trial.table import text_of
 from strainfmu.cosim.flight import FlightResult, flight_result, fly
 from strainfmu.cosim.models.flight_model import load_flight_model
 from strainfmu.cosim.scenario import FaultEvent, Scenario, load_scenario
@@ -34,8 +33,6 @@ QUANTITIES = {
     "angle error, rms": "angle_error",
 }
 """Of a flight without a fault: entries of its score [rad] by the name of a row."""
-
-NOT_SHOWN = ("case", "size", "class", "verdict", "why")
 
 
 def closed_loop_rows(
@@ -66,8 +63,6 @@ def closed_loop_rows(
         for number, fault in enumerate(faults):
             rows += with_fault(scenario, fault, loop)
             progress(number + 1, len(faults))
-    for row in rows:
-        reporter.note(", ".join(f"{name} {text_of(row[name])}" for name in row if name not in NOT_SHOWN))
     return scenario.name, rows
 
 

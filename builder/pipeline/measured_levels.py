@@ -14,13 +14,13 @@ from builder.structure.fourier.fourier_model import refuse_beyond_fourier
 from builder.structure.structure_file import Structure
 from builder.trial.conditions import conditions_in_ranges, drawn_altitudes_km
 from builder.trial.levels import (
+    HARDWARE,
     SEED,
     level_readings,
-    stated_readings,
     with_alarm_levels,
     with_flight_alarm_levels,
 )
-from builder.trial.readings import Readings, World, joined
+from builder.trial.readings import Readings, World, joined, read_own_vehicles
 from builder.truth.revolution.flow_table import truth_knots
 from builder.truth.shape import flying_structure, refuse_without_other_model, shape_flights, structure_of_check
 from builder.vehicle.file import Vehicle
@@ -107,7 +107,7 @@ def with_shape_levels(
 
     def read() -> Iterator[Readings]:
         flights = shape_flights(vehicle, structure, flows)
-        return stated_readings(world, flights, np.random.default_rng(SEED), SHAPE_VEHICLES)
+        return read_own_vehicles(world, HARDWARE, flights, SHAPE_VEHICLES, np.random.default_rng(SEED))
 
     return _with_levels(world, read, reporter)
 

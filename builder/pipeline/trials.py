@@ -14,8 +14,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from builder.calibration.score.ground_rows import CALIBRATION, ground_rows, refuse_unknown_tests
-from builder.calibration.score.ground_world import GroundWorld, ground_world
+from builder.calibration.score.ground_rows import ground_rows, refuse_unknown_tests
+from builder.calibration.score.ground_world import ground_world
 from builder.campaign import snapshots as snapshots_file
 from builder.campaign.journal import Journal
 from builder.campaign.snapshots import load_snapshots
@@ -44,7 +44,7 @@ from builder.structure.fourier.fourier_model import place_layouts
 from builder.structure.gauge_placement import gauge_mesh
 from builder.structure.solid.case import structure_case
 from builder.structure.structure_file import load_structure
-from builder.trial.cases import Case, GroundTests, Plan, TrialFile, cases_for, load_trial, trial_path
+from builder.trial.cases import Case, Plan, TrialFile, cases_for, load_trial, trial_path
 from builder.trial.compared import (
     NONLINEAR,
     REGRESSIONS,
@@ -59,9 +59,9 @@ from builder.trial.estimators import available
 from builder.trial.faults import temperature_of
 from builder.trial.flows import stress_flow_inputs, stress_flows
 from builder.trial.readings import World
-from builder.trial.run import Score, Task, run_tasks, scored, tasks_of
+from builder.trial.run import Score, run_tasks, scored, tasks_of
 from builder.trial.score import ALL, Row
-from builder.trial.table import stress_entries, write_table
+from builder.trial.table import line_of, stress_entries, write_table
 from builder.truth.independent_model import other_physics, refuse_without_independent_model
 from builder.truth.revolution import flow_table as flow_table_file
 from builder.truth.revolution.flow_table import load_truth_flows, save_flow_table
@@ -176,7 +176,7 @@ def run_trial(
     if trial.closed_loop is not None:
         scenario = Path(vehicle or VEHICLES / "ic3x_flight.toml")
         name, rows = closed_loop_rows(trial.closed_loop, scenario, map_path, only, reporter)
-        return _written(name, [], rows, folder, suffixes)
+        return _written(name, [], rows, folder, suffixes, reporter)
     with naming(path := Path(vehicle or IC3X)):
         entry = with_estimator(load_vehicle(path), estimator)
         if any(case.heating for case in trial.cases):
@@ -191,7 +191,9 @@ def run_trial(
             if flows_path is not None and entry.is_of_revolution:
                 pipeline.use(LEVEL_FLOWS, flows_path, _content_of(flows_path, flow_table_file))
         make = _comparison if trial.trial.training else _ground_tests if trial.ground else _flights_of_map
-        tasks = make(pipeline, trial, only, flows_path)
+        flown, trial, make_world, inputs, score = make(pipeline, trial, only, flows_path)
+        inputs["vehicle"] = flown.model_dump(exclude={"description", "truth"})
+        tasks = tasks_of(cases_for(flown, trial, only), trial.trial, make_world, inputs, score)
         results = run_tasks(tasks, folder / CASES, reporter, workers=workers, scheduler=scheduler)
     rows = list[Row]()
     for task, result in zip(tasks, results, strict=True):
@@ -199,10 +201,7 @@ def run_trial(
             reporter.note(f"{task.case.error}, {task.case.size}: left out: {result}")
         else:
             rows += result
-    for row in rows:
-        if row["estimator"] == CALIBRATION:
-            reporter.note(line_of_tests(row, rows))
-    return _written(entry.name, [task.case for task in tasks], rows, folder, suffixes)
+    return _written(entry.name, [task.case for task in tasks], rows, folder, suffixes, reporter)
 
 
 def stress(
@@ -312,8 +311,13 @@ def _with_map(entry: Vehicle, trial: TrialFile, path: Path, folder: Path, report
     return pipeline
 
 
-def _flights_of_map(pipeline: Pipeline, trial: TrialFile, only: Sequence[str], flows: Path | None) -> list[Task]:
-    """Return the cases of a map, which is made where none is given, after flows.
+Parts = tuple[Vehicle, TrialFile, Callable[[], Any], dict[str, Any], Score]
+"""What the tasks of a trial are made of: vehicle and file, a function that makes the world, what that depends on,
+and a function that returns the rows of a case."""
+
+
+def _flights_of_map(pipeline: Pipeline, trial: TrialFile, only: Sequence[str], flows: Path | None) -> Parts:
+    """Return the parts of a trial of a map, which is made where none is given, after flows.
 
     Errors are the independent model's; of a body of revolution its structure is the Fourier model whatever the map
     is built on, of any other shape another mesh.
@@ -328,12 +332,12 @@ def _flights_of_map(pipeline: Pipeline, trial: TrialFile, only: Sequence[str], f
     structure = pipeline.path(STRUCTURE)
     files = pipeline.path(MAP), pipeline.path(FLOWS), structure if structure.is_file() else None
     inputs = {"map": _content_of(pipeline.path(MAP), inverse_map_file), "flows": pipeline.made_from(FLOWS)}
-    return _tasks(vehicle, trial, only, partial(world_of, vehicle, *files, plan.conditions, plan.seed), inputs)
+    return vehicle, trial, partial(world_of, vehicle, *files, plan.conditions, plan.seed), inputs, scored
 
 
-def _comparison(pipeline: Pipeline, trial: TrialFile, only: Sequence[str], flows: Path | None) -> list[Task]:
-    """Return the cases of estimators of several kinds, whose maps are built for the errors of each case; without
-    scikit-learn its regressions are left out, with a note."""
+def _comparison(pipeline: Pipeline, trial: TrialFile, only: Sequence[str], flows: Path | None) -> Parts:
+    """Return the parts of a trial of estimators of several kinds, whose maps are built for the errors of each
+    case; without scikit-learn its regressions are left out, with a note."""
     refuse_unknown(names := trial.trial.estimators)
     needing = [name for name in names if name.partition(", ")[0] in REGRESSIONS]
     if needing and find_spec("sklearn") is None:
@@ -351,11 +355,11 @@ def _comparison(pipeline: Pipeline, trial: TrialFile, only: Sequence[str], flows
     files = pipeline.path(SNAPSHOTS), pipeline.path(STRUCTURE) if solid else None, pipeline.path(FLOWS)
     inputs = {"made from": pipeline.made_from(SNAPSHOTS, FLOWS, *solid), "training": trial.trial.training}
     world = partial(_compared_world, vehicle, *files, trial.trial)
-    return _tasks(vehicle, trial, only, world, inputs, partial(scored, make_estimators=compared_estimators))
+    return vehicle, trial, world, inputs, partial(scored, make_estimators=compared_estimators)
 
 
-def _ground_tests(pipeline: Pipeline, trial: TrialFile, only: Sequence[str], _: Path | None) -> list[Task]:
-    """Return the cases of ground tests of vehicles of an independent truth, after snapshots and flows."""
+def _ground_tests(pipeline: Pipeline, trial: TrialFile, only: Sequence[str], _: Path | None) -> Parts:
+    """Return the parts of a trial of ground tests of vehicles of an independent truth, after the flows."""
     plan, tests, vehicle = trial.trial, trial.ground, pipeline.vehicle
     assert tests is not None
     refuse_unknown_tests(plan.estimators, trial.cases)
@@ -364,42 +368,17 @@ def _ground_tests(pipeline: Pipeline, trial: TrialFile, only: Sequence[str], _: 
     make_independent_flows(pipeline)
     files = pipeline.path(SNAPSHOTS), pipeline.path(LEVEL_FLOWS)
     inputs = {"made from": pipeline.made_from(SNAPSHOTS, LEVEL_FLOWS), "ground": tests.model_dump()}
-    world = partial(_tested_world, vehicle, *files, plan.conditions, tests)
-    return _tasks(vehicle, trial, only, world, inputs, ground_rows)
-
-
-def _tasks(
-    vehicle: Vehicle,
-    trial: TrialFile,
-    only: Sequence[str],
-    make_world: Callable[[], Any],
-    inputs: dict[str, Any],
-    score: Score = scored,
-) -> list[Task]:
-    inputs = {**inputs, "vehicle": vehicle.model_dump(exclude={"description", "truth"})}
-    return tasks_of(cases_for(vehicle, trial, only), trial.trial, make_world, inputs, score)
-
-
-SHARES = ("refused", "named", "silent", "gauges_blamed", "cases_blamed")
-"""Of the tests of a case: what the calibration says."""
-
-
-def line_of_tests(said: Row, rows: list[Row]) -> str:
-    """Return what the calibration says of the tests of a case, and largest errors over the exactly known
-    vehicle."""
-    over = [row for row in rows if row["case"] == said["case"] and "over_exact" in row]
-    shares = ", ".join(f"{name.replace('_', ' ')} {said[f'{name}_percent']:.4g} %" for name in SHARES)
-    ratios = dict[str, list[str]]()
-    for row in over:
-        ratios.setdefault(row["estimator"], []).append(f"{row['load']} {row['over_exact']:.2f}")
-    texts = [f"; {name}, rms over exactly known: {' '.join(parts)}" for name, parts in ratios.items()]
-    return f"{said['case']}: {said['samples']} tests, {shares}{''.join(texts)}"
+    world = partial(ground_world, vehicle, *files, plan.conditions, tests)
+    return vehicle, trial, world, inputs, ground_rows
 
 
 def _written(
-    vehicle: str, cases: list[Case], rows: list[Row], folder: Path, formats: Sequence[str]
+    vehicle: str, cases: list[Case], rows: list[Row], folder: Path, formats: Sequence[str], reporter: Reporter
 ) -> TrialResult:
-    """Write the rows to ``folder``, and the figure of samples where there are some."""
+    """Write the rows to ``folder``, and the figure of samples where there are some; print other rows."""
+    for row in rows:
+        if "rms" not in row and not row["load"].startswith(ALL):
+            reporter.note(line_of(row))
     files = [Workspace(folder).path(TABLE).with_suffix(suffix) for suffix in formats]
     for path in files:
         write_table(rows, path)
@@ -444,13 +423,6 @@ def _compared_world(
         map_structure=parts[1],
         training=plan.training or 0,
     )
-
-
-def _tested_world(
-    vehicle: Vehicle, snapshots: Path, flows: Path, conditions: int, tests: GroundTests
-) -> GroundWorld:
-    table = load_truth_flows(flows, vehicle)
-    return ground_world(vehicle, load_snapshots(snapshots), table, conditions, tests)
 
 
 def _true_world(vehicle: Vehicle, flows: Path, structure: Path | None) -> dict[str, Any]:

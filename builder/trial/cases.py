@@ -202,16 +202,12 @@ class Case(Section):
     error, size : names; ``{}`` in the size stands for the error that is set.
     what : what is done, and why the case is of its class.
     when : properties of the vehicle that the case needs, of :data:`PROPERTIES`; ``not`` before one negates it.
-    class_without : the class of a vehicle without a property.
     each_stated : stands for a row for each stated error alone, of so many times its size.
     all_stated : stands for all errors that sigma includes, drawn together at their stated sizes.
     map_errors : whether errors of pressure and numerics that the map includes are drawn, at their sizes there.
     draws : vehicles of the trial, times this.
-    flagged_at_least : smallest share of flagged samples that is aimed at [%].
     tenths_by : quantities of the flight; the samples are scored in tenths of the flights by each of them, too.
-    covered_at_least : smallest share of covered samples of each load that is aimed at [%].
-    over_single_at_most : largest rms error of a filter over the one of single samples that is aimed at.
-    over_exact_at_most : largest rms error after a ground test over the one of the exactly known vehicle.
+    at_least, at_most : what is aimed at in addition to the limits of the class, by columns of the table.
     """
 
     model_config = ConfigDict(populate_by_name=True)
@@ -221,7 +217,6 @@ class Case(Section):
     group: CaseClass = Field(validation_alias="class")
     what: str = ""
     when: list[str] = Field(default_factory=list)
-    class_without: dict[str, CaseClass] = Field(default_factory=dict)
     each_stated: float = 0.0
     all_stated: bool = False
     map_errors: bool = False
@@ -239,10 +234,8 @@ class Case(Section):
     over_time: OverTime | None = None
     motion: Motion | None = None
     tenths_by: list[str] = Field(default_factory=list)
-    flagged_at_least: float | None = None
-    covered_at_least: float | None = None
-    over_single_at_most: float | None = None
-    over_exact_at_most: float | None = None
+    at_least: dict[str, float] = Field(default_factory=dict)
+    at_most: dict[str, float] = Field(default_factory=dict)
 
     @property
     def name(self) -> str:
@@ -372,7 +365,7 @@ def _faults(file: TrialFile) -> list[str]:
     faults += [
         f"group: '{case.name}': expected properties of the vehicle, {known}, got '{name}'"
         for case in cases
-        for name in (*(one.removeprefix("not ") for one in case.when), *case.class_without)
+        for name in (entry.removeprefix("not ") for entry in case.when)
         if name not in PROPERTIES
     ]
     kinds = ", ".join(kind.name for kind in IN_NOISE)
@@ -395,7 +388,7 @@ def cases_for(vehicle: Vehicle, file: TrialFile, only: Sequence[str] = ()) -> li
     has = {name: test(vehicle) for name, test in PROPERTIES.items()}
     has |= {f"not {name}": not value for name, value in has.items()}
     listed = [case for case in file.cases if all(has[name] for name in case.when)]
-    rows = [row for case in listed for row in _rows(case, vehicle, has)]
+    rows = [row for case in listed for row in _rows(case, vehicle)]
     names = [case.name for case in rows]
     if twice := sorted({name for name in names if names.count(name) > 1}):
         raise InputError(f"cases: expected each error and size once, got '{twice[0]}' twice")
@@ -405,18 +398,14 @@ def cases_for(vehicle: Vehicle, file: TrialFile, only: Sequence[str] = ()) -> li
     return [case for case in rows if not only or case.error in only]
 
 
-def _rows(case: Case, vehicle: Vehicle, has: dict[str, bool]) -> list[Case]:
+def _rows(case: Case, vehicle: Vehicle) -> list[Case]:
     """Return the case of ``vehicle``, or a case for each stated error."""
     if case.each_stated:
         return _of_stated(case, vehicle)
     if case.all_stated:
         return [_all_stated(case, vehicle)]
-    changes: dict[str, Any] = {
-        "group": next((case.class_without[n] for n in case.class_without if not has[n]), None)
-    }
-    if changes["group"] is None:
-        changes["group"] = _class_of(case, vehicle)
-    if not has["revolution"] and case.where.is_beyond:
+    changes: dict[str, Any] = {"group": _class_of(case, vehicle)}
+    if not vehicle.is_of_revolution and case.where.is_beyond:
         changes["draws"] = FEWER_BEYOND * case.draws
     if case.built.of_stated:
         least = case.built.of_stated

@@ -22,14 +22,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from importlib import import_module
-from itertools import pairwise
 from math import ceil
 from time import perf_counter
 from typing import Any
 
 import numpy as np
 
-from builder.aero.surface.mesh import grid_of, mesh_of
+from builder.aero.surface.mesh import mesh_of, mesh_of_grid
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
 from builder.inverse.problem import AnyStructure
@@ -167,17 +166,16 @@ class ComparedWorld(World):
 
     def fields(self, case: Case) -> FloatArray:
         """Return (k, n_p) [Pa] the true pressure at the nodes of the maps."""
-        conditions, surface = self.flights(case).conditions, self.map_structure.surface
+        conditions, nodes = self.flights(case).conditions, mesh_of(self.map_structure.surface)
         if isinstance(self.flows, Snapshots):
             flows = at_conditions(self.flows, conditions)
             assert flows is not None
-            return on_nodes(flows, mesh_of(surface))
+            return on_nodes(flows.surface, flows.pressure, nodes)
         assert isinstance(self.flows, FlowTable)
-        grid = grid_of(surface)
-        assert grid is not None
-        weights = station_weights(truth_surface(self.vehicle).x, grid.x)
-        ratio = ratio_at(self.flows, conditions, grid.roll_angle, weights)
-        return np.array([one.ambient_pressure for one in conditions])[:, None] * ratio
+        surface = truth_surface(self.vehicle)
+        ratio = ratio_at(self.flows, conditions, surface.roll_angle)
+        ambient = np.array([condition.ambient_pressure for condition in conditions])[:, None]
+        return on_nodes(mesh_of_grid(surface), ambient * ratio, nodes)
 
     def learned(self, case: Case, kind: str, with_mach: bool) -> EstimateReadings:
         """Return a regression that is trained on the tables for ``case``."""
@@ -228,7 +226,8 @@ def _with_field(estimator: Estimator, read: Readings, field_pressure: FloatArray
         others = {name: (made.air_data.value[:, k], made.air_data.std[:, k]) for name, k in columns}
     pressure = estimated_fields(made, np.broadcast_to(read.known.get(STATIC_PRESSURE, np.nan), len(value)))
     if not np.isnan(pressure).any():
-        others[FIELD] = field_errors(pressure, field_pressure), np.full(len(value), np.nan)
+        error = np.linalg.norm(pressure - field_pressure, axis=1) / np.linalg.norm(field_pressure, axis=1)
+        others[FIELD] = error, np.full(len(value), np.nan)
     return Estimates(value=value, std=std, health=np.asarray(made.health, dtype=np.int64), others=others)
 
 
@@ -240,29 +239,6 @@ def estimated_fields(made: Estimate, static_pressure: FloatArray) -> FloatArray:
     fields = [made[sample].pressure(with_std=False) for sample in range(len(made))]
     ambient = [p_inf if one.is_net else 0.0 for one, p_inf in zip(fields, static_pressure.tolist(), strict=True)]
     return np.stack([one.pressure for one in fields]) + np.array(ambient)[:, None]
-
-
-def field_errors(estimate: FloatArray, true: FloatArray) -> FloatArray:
-    """Return (k,) field errors [1] of ``estimate`` and ``true`` (k, n_p) [Pa]."""
-    difference, size = (np.sqrt(np.sum(one**2, axis=1)) for one in (estimate - true, true))
-    return np.asarray(difference / size)
-
-
-def station_weights(source: FloatArray, target: FloatArray) -> FloatArray:
-    """Return (n_target, n_source) weights of linear interpolation along the body.
-
-    Stations are doubled at slope breaks, where the pressure jumps: each piece is interpolated on its own.
-    """
-    out = np.zeros((len(target), len(source)))
-    for rows, columns in zip(_pieces(target), _pieces(source), strict=True):
-        unit = np.eye(columns.stop - columns.start)
-        out[rows, columns] = np.stack([np.interp(target[rows], source[columns], one) for one in unit], axis=1)
-    return out
-
-
-def _pieces(x: FloatArray) -> list[slice]:
-    ends = [0, *(np.flatnonzero(np.diff(x) <= 0.0) + 1).tolist(), len(x)]
-    return [slice(first, last) for first, last in pairwise(ends)]
 
 
 def training_flights(

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from math import degrees, hypot, pi, radians, sqrt
+from math import degrees, hypot, pi, radians
 from typing import Any, Literal
 
 import numpy as np
@@ -55,8 +55,6 @@ class Where(Section):
     altitude_km : the same altitude for all.
     square : angle of attack and sideslip of a body of revolution are each uniform up to this part of the smaller
         of their largest listed values, or in the disc of the envelope where only one of them is listed.
-    corner : all at one condition that linear maps find hard: the smallest Mach number, both angles this part of
-        the largest of the square; on another shape this part of the way from the middle of each range to its end.
     incidence : range of the total incidence, over the largest of the envelope, at any roll angle of the wind.
     incidence_deg : the same [deg], on the flows of a body of revolution.
     from_deg : smallest total incidence [deg], where the envelope goes that far.
@@ -70,7 +68,6 @@ class Where(Section):
     altitudes_km: Pair | None = Field(default=None, min_length=2, max_length=2)
     altitude_km: Altitude | None = None
     square: float | None = Field(default=None, gt=0.0, le=1.0)
-    corner: float | None = Field(default=None, ge=0.0, le=1.0)
     incidence: Pair | None = Field(default=None, min_length=2, max_length=2)
     incidence_deg: Pair | None = Field(default=None, min_length=2, max_length=2)
     from_deg: float | None = None
@@ -123,8 +120,6 @@ def _inside(
     heights = range_of(vehicle.conditions.altitudes_km) if listed else drawn_altitudes_km(vehicle)
     if where.altitudes_km is not None:
         heights = drawn_altitudes_km(vehicle, (where.altitudes_km[0], where.altitudes_km[1]))
-    if where.corner is not None:
-        return [_corner(where, where.corner, vehicle, heights[0])] * count
     if table is None:
         return conditions_in_ranges(vehicle, heights, count, random)
     if where.square is not None:
@@ -159,23 +154,6 @@ def square_angle(part: float, vehicle: Vehicle) -> float | None:
     listed = (entry.angle_of_attack_deg, entry.sideslip_angle_deg)
     largest = min(max(map(abs, one), default=0.0) for one in listed)
     return radians(part * largest) if largest > 0.0 else None
-
-
-def _corner(where: Where, part: float, vehicle: Vehicle, height_km: float) -> FlightCondition:
-    entry = vehicle.conditions
-    if vehicle.is_of_revolution:
-        angle = square_angle(where.square or 1.0, vehicle)
-        angle = part * (largest_incidence(vehicle) / sqrt(2.0) if angle is None else angle)
-        return FlightCondition(min(entry.mach_number), angle, angle, 1e3 * height_km)
-    listed = [
-        entry.angle_of_attack_deg,
-        entry.sideslip_angle_deg,
-        *(one.values for one in entry.parameters.values()),
-    ]
-    low, high = 0.5 * (1.0 - part), 0.5 * (1.0 + part)
-    alpha, beta, *parameters = (low * min(one) + high * max(one) for one in listed)
-    angles = radians(alpha), radians(beta)
-    return FlightCondition(min(entry.mach_number), *angles, 1e3 * height_km, tuple(parameters))
 
 
 def _incidences(where: Where, vehicle: Vehicle) -> tuple[float, float] | None:

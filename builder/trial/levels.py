@@ -66,13 +66,6 @@ LEAST_RANGE = 0.2
 """Range of expected chi-square over that at the mean strain, over the parts, from which the levels follow it."""
 
 
-def stated_readings(
-    world: World, flights: Flights, random: np.random.Generator, vehicles: int
-) -> Iterator[Readings]:
-    """Yield what ``vehicles`` as stated read in each of ``flights``, in blocks of flights."""
-    return read_own_vehicles(world, HARDWARE, flights, vehicles, random)
-
-
 def level_readings(
     world: World,
     fly: Callable[[list[FlightCondition]], Flights] | None = None,
@@ -85,7 +78,7 @@ def level_readings(
     the flights there, the flights of the world by default."""
     random = np.random.default_rng(seed)
     flown = replace(world, conditions=conditions).drawn_conditions(HARDWARE, random)
-    return stated_readings(world, (fly or world.fly)(flown), random, vehicles)
+    return read_own_vehicles(world, HARDWARE, (fly or world.fly)(flown), vehicles, random)
 
 
 def with_alarm_levels(inverse_map: InverseMap, flights: Iterable[Readings]) -> InverseMap:

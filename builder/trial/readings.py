@@ -113,12 +113,6 @@ class World(Shared):
         return np.asarray(self.inverse_map.noise_std * self.inverse_map.sensors.scale)
 
     @cached_property
-    def sensor_gauges(self) -> Gauges:
-        """The auxiliary sensors, which have no place."""
-        noise_std = self.noise_std[self.inverse_map.n_strain_gauges :]
-        return Gauges(0.0 * noise_std, 0.0 * noise_std, noise_std)
-
-    @cached_property
     def added(self) -> AddedStrain:
         return AddedStrain(self.vehicle)
 
@@ -359,7 +353,10 @@ def read_case(
     if case.air.drawn:
         known = _with_errors(known, world.vehicle.noise, random)
     if case.fault is not None:
-        part, failing = (slice(n_d, None), world.sensor_gauges) if case.fault.sensors else (slice(n_d), gauges)
+        part, failing = slice(n_d), gauges
+        if case.fault.sensors:  # which have no place
+            part, std = slice(n_d, None), world.noise_std[n_d:]
+            failing = Gauges(0.0 * std, 0.0 * std, std)
         strain[:, part] = case.fault.readings(strain[:, part], failing, leeward, random)
     if inertia is not None:
         strain[:, :n_d] += world.added.inertia(inertia, force, leeward, random)

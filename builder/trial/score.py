@@ -179,19 +179,19 @@ ERRORS = 2.0
 
 @dataclass(frozen=True, kw_only=True)
 class Limit:
-    """``column`` of each load, or of all together, is at least ``low`` and at most ``high``; ``within_error``: no
-    sample is enough to say that a rate is so small, so it is met unless it is missed."""
+    """``column`` of each load, or of all together if it is of :data:`OF_SAMPLE`, is at least ``low`` and at most
+    ``high``; ``within_error``: no sample is enough to say that a rate is so small, so it is met unless it is
+    missed."""
 
     column: str
-    of_each: bool = False
     low: float = -inf
     high: float = inf
     within_error: bool = False
 
     def verdict(self, rows: Sequence[Row]) -> tuple[str, str]:
         """Return the worst verdict over ``rows``, and what is off."""
-        worst = OK, ""
-        for row in (one for one in rows if (one["load"] != ALL) == self.of_each):
+        worst, of_sample = (OK, ""), self.column in OF_SAMPLE
+        for row in (entry for entry in rows if (entry["load"] == ALL) == of_sample):
             value, error = row.get(self.column), row.get(f"{self.column}_error") or 0.0
             if value is None or value != value:
                 continue
@@ -203,18 +203,21 @@ class Limit:
         return worst
 
     def _text(self, load: str, value: float, error: float) -> str:
-        of = f" of {load}" if self.of_each else ""
+        of = "" if load == ALL else f" of {load}"
         name = self.column.removesuffix("_percent").replace("_", " ")
         unit = " %" if "percent" in self.column else ""
         aim = f"at most {self.high:g}" if value - self.high >= self.low - value else f"at least {self.low:g}"
         return f"{name}{of} {value:.3g} +- {error:.2g}{unit}, {aim}{unit} aimed at"
 
 
-COVERED = Limit(column="covered_percent", of_each=True, low=99.0)
+OF_SAMPLE = ("flagged_percent", "alarm_percent", "undetected_percent")
+"""Columns whose limits are of all loads together."""
+
+COVERED = Limit(column="covered_percent", low=99.0)
 
 LIMITS: dict[str, tuple[Limit, ...]] = {
     "drawn": (
-        Limit(column="rms_z", of_each=True, low=0.7, high=1.1),
+        Limit(column="rms_z", low=0.7, high=1.1),
         COVERED,
         Limit(column="alarm_percent", high=100.0 * FALSE_ALARM_PROBABILITY, within_error=True),
         Limit(column="flagged_percent", high=0.2),
@@ -228,15 +231,9 @@ LIMITS: dict[str, tuple[Limit, ...]] = {
 
 def judged(case: Case, rows: Sequence[Row]) -> tuple[str, str]:
     """Return the verdict of the ``rows`` of a case by one estimator, and why."""
-    limits = LIMITS[case.group]
-    if case.flagged_at_least is not None:
-        limits = (*limits, Limit(column="flagged_percent", low=case.flagged_at_least))
-    if case.covered_at_least is not None:
-        limits = (*limits, Limit(column="covered_percent", of_each=True, low=case.covered_at_least))
-    if case.over_single_at_most is not None:
-        limits = (*limits, Limit(column="over_single", of_each=True, high=case.over_single_at_most))
-    if case.over_exact_at_most is not None:
-        limits = (*limits, Limit(column="over_exact", of_each=True, high=case.over_exact_at_most))
+    low = (Limit(column=column, low=value) for column, value in case.at_least.items())
+    high = (Limit(column=column, high=value) for column, value in case.at_most.items())
+    limits = (*LIMITS[case.group], *low, *high)
     verdicts = [limit.verdict(rows) for limit in limits]
     for verdict in (MISSED, OPEN):
         if texts := [text for name, text in verdicts if name == verdict]:

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from builder.trial.cases import ALL_STATED, Case
-from builder.trial.score import ALL, MISSED, NONE, OK, OPEN, PARTS, Row
+from builder.trial.score import ALL, MISSED, NONE, OK, OPEN, PARTS, Row, by_load
 from strainfmu.errors import library
 from strainfmu.files import write_bytes_atomically
 
@@ -109,10 +109,13 @@ def loads_of(rows: Sequence[Row]) -> dict[tuple[str, str], list[Row]]:
 
 HEADINGS = (
     *("case", "estimator", "samples", "right OK", "right flagged", "wrong flagged", "undetected", "no estimate"),
-    *("covered", "rms z", "/bound", "verdict"),
+    *("covered", "rms z", "rms over", "verdict"),
 )
-"""Of the table for a terminal; shares in % of the samples. Of coverage, rms over sigma and rms over bound the load
-that is furthest off."""
+"""Of the table for a terminal; shares in % of the samples. Of coverage, rms over sigma and rms over :data:`OVER`
+the load that is furthest off."""
+
+OVER = ("over_bound", "over_single", "over_exact")
+"""Rms errors over the bound, over single samples, over the exactly known vehicle: what a trial has of these."""
 
 
 def cells_of(row: Row, loads: Sequence[Row]) -> list[str]:
@@ -122,8 +125,8 @@ def cells_of(row: Row, loads: Sequence[Row]) -> list[str]:
     shares = [f"{part:.2f}" for part in parts[:3]] + [undetected, f"{parts[4]:.2f}"]
     z = _furthest(loads, "rms_z", lambda value: abs(log(max(value, 1e-9) / LOAD_WANTED)))
     covered = _furthest(loads, "covered_percent", lambda value: -value)
-    bound = _furthest(loads, "over_bound", float)
-    return [row["case"], row["estimator"], f"{row['samples']}", *shares, covered, z, bound, row["verdict"]]
+    over = next((_furthest(loads, name, float) for name in OVER if any(name in load for load in loads)), "-")
+    return [row["case"], row["estimator"], f"{row['samples']}", *shares, covered, z, over, row["verdict"]]
 
 
 def _furthest(loads: Sequence[Row], column: str, off: Any) -> str:
@@ -135,35 +138,20 @@ def _furthest(loads: Sequence[Row], column: str, off: Any) -> str:
     return f"{worst[column]:.2f} {worst['load']}"
 
 
-ERROR_TITLE = "rms errors [1e-4]; of what is no load the 95th percentile of the error [1, rad]"
+NOT_SHOWN = ("case", "size", "class", "verdict", "why")
 
 
-def error_cells(rows: Sequence[Row]) -> list[list[str]]:
-    """Return headings and the errors of each case and estimator, where there are estimators of several kinds."""
-    if not any("p95" in row for row in rows):
-        return []
-    of_each, names = dict[tuple[str, str], dict[str, str]](), dict[str, None]()
-    for row in rows:
-        if (value := row.get("p95", row.get("rms"))) is not None:
-            names[row["load"]] = None
-            text = f"{value:.3g}" if "p95" in row else f"{1e4 * value:.1f}"
-            of_each.setdefault((row["case"], row["estimator"]), {})[row["load"]] = text
-    return [
-        ["case", "estimator", *names],
-        *([*key, *(texts.get(name, "-") for name in names)] for key, texts in of_each.items()),
-    ]
+def line_of(row: Row) -> str:
+    """Return a ``row`` of what no table shows, such as what a calibration says, without statistical errors."""
+    names = (name for name in row if name not in NOT_SHOWN and not name.endswith(("_error", "_upper")))
+    return ", ".join(f"{name.replace('_', ' ')} {text_of(row[name])}" for name in names)
 
 
 def reasons(rows: Sequence[Row]) -> list[str]:
-    """Return the largest fractions of stated errors, why cases are missed, and how many are open, a line each."""
+    """Return why cases are missed, and how many are open, a line each."""
     of_all = [row for row in rows if row["load"] == ALL]
-    stated, lines = [row for row in of_all if row["class"] == "alone"], list[str]()
-    for what in ("flagged", "undetected") if stated else ():
-        largest = sorted(stated, key=lambda row: -row[f"{what}_percent"])[:2]
-        text = "; ".join(f"{row[f'{what}_percent']:.2f} % ({row['case']}, {row['estimator']})" for row in largest)
-        lines.append(f"{what}, the largest of {len(stated)} stated errors: {text}")
     missed = [row for row in of_all if row["verdict"] == MISSED]
-    lines += [f"missed: {row['case']} ({row['estimator']}): {row['why']}" for row in missed]
+    lines = [f"missed: {row['case']} ({row['estimator']}): {row['why']}" for row in missed]
     n_open = sum(row["verdict"] == OPEN for row in of_all)
     return lines + ([f"open: {n_open} of {len(of_all)}, more samples decide"] if n_open else [])
 
@@ -205,12 +193,8 @@ def stress_entries(cases: Sequence[Case], rows: Sequence[Row]) -> list[dict[str,
                 "false_alarms_percent": right_flagged if entry["class"] == "within" else None,
             }
         columns = COLUMNS | (OF_SAMPLES if case.motion is None else OF_MOTION)
-        of_case = loads[row["case"], row["estimator"]]
-        entries.append(entry | {key: _rounded(of_case, column) for key, column in columns.items()})
+        for key, column in columns.items():
+            values = by_load(loads[row["case"], row["estimator"]], column)
+            entry[key] = {load: None if value is None else float(f"{value:.5g}") for load, value in values.items()}
+        entries.append(entry)
     return entries
-
-
-def _rounded(loads: Sequence[Row], column: str) -> dict[str, float | None]:
-    """Return a column of single loads by name, as numbers of five digits."""
-    known = {load["load"]: _known(load.get(column)) for load in loads}
-    return {name: None if value is None else float(f"{value:.5g}") for name, value in known.items()}

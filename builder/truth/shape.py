@@ -274,12 +274,11 @@ def _flow_of(condition: FlightCondition) -> tuple[float, ...]:
     return tuple(round(one, 9) for one in (mach, alpha, beta, *parameters))
 
 
-def on_nodes(flows: Snapshots, nodes: SurfaceMesh) -> FloatArray:
-    """Return (N, n_p) the pressure of ``flows`` at ``nodes`` [Pa], linear over the triangles of their surface."""
-    source = flows.surface
-    if source.digest() == nodes.digest():
-        return flows.pressure
-    return np.asarray((consistent_map(source, nodes.point, nodes.node_normal) @ flows.pressure.T).T)
+def on_nodes(surface: SurfaceMesh, pressure: FloatArray, nodes: SurfaceMesh) -> FloatArray:
+    """Return (N, n_q) at ``nodes`` the ``pressure`` (N, n_p) on ``surface``, linear over its triangles."""
+    if surface.digest() == nodes.digest():
+        return pressure
+    return np.asarray((consistent_map(surface, nodes.point, nodes.node_normal) @ pressure.T).T)
 
 
 FLOWS_ALONG_PATH = 25

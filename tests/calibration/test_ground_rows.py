@@ -21,13 +21,13 @@ from builder.calibration.score.ground_rows import (
     with_errors,
 )
 from builder.calibration.score.ground_world import GroundWorld, flights_of, ground_world
-from builder.campaign.snapshots import Snapshots
+from builder.campaign.snapshots import Snapshots, save_snapshots
 from builder.structure.as_built.as_built_vehicle import Counts, exactly_built
 from builder.trial.cases import Built, Case, GroundTest, GroundTests, Plan
 from builder.trial.estimators import Estimates
 from builder.trial.readings import Readings
 from builder.trial.score import MISSED, Row, judged
-from builder.truth.revolution.flow_table import FlowTable
+from builder.truth.revolution.flow_table import FlowTable, save_flow_table
 from builder.vehicle.file import Vehicle
 from builder.vehicle.model_entries import Resolutions
 from builder.vehicle.shape.geometry import surface_grid
@@ -88,7 +88,7 @@ def test_errors_stand_over_those_of_the_exactly_known_vehicle() -> None:
     add_over_exact(rows, twice, exact, read)
     assert [row["over_exact"] for row in rows] == pytest.approx([2.0] * 5)
     assert [row["over_exact_error"] for row in rows] == pytest.approx([0.0] * 5, abs=1e-9)
-    case = Case(error="a", group="unobservable", over_exact_at_most=1.25)
+    case = Case(error="a", group="unobservable", at_most={"over_exact": 1.25})
     verdict, why = judged(case, [{"load": name, **row} for name, row in zip(COEFFICIENT_NAMES, rows, strict=True)])
     assert (verdict, "over exact of C_A 2 +- " in why) == (MISSED, True)
     add_over_exact(rows, apart, exact, read)
@@ -122,10 +122,16 @@ KNOWN = ("linear Case 2, known exactly", "linear Case 2, before the test", "line
 
 
 @pytest.fixture(scope="module")
-def world(vehicle: Vehicle, snapshots: Snapshots, table: FlowTable) -> GroundWorld:
+def world(
+    vehicle: Vehicle, snapshots: Snapshots, table: FlowTable, tmp_path_factory: pytest.TempPathFactory
+) -> GroundWorld:
+    folder = tmp_path_factory.mktemp("ground")
+    save_snapshots(snapshots, folder / "snapshots.h5")
+    save_flow_table(table, folder / "flows.h5")
     finer = COARSE.model_copy(update={"element_length_mm": 30.0})
     vehicle = vehicle.model_copy(update={"resolution": Resolutions(map=COARSE, truth=finer)})
-    return ground_world(vehicle, snapshots, table, 20, GroundTests(walls="stated", proposed=False, draws=2))
+    options = GroundTests(walls="stated", proposed=False, draws=2)
+    return ground_world(vehicle, folder / "snapshots.h5", folder / "flows.h5", 20, options)
 
 
 def rows_by(world: GroundWorld, case: Case, names: tuple[str, ...] = KNOWN[:3:2]) -> dict[str, list[Row]]:

@@ -72,12 +72,12 @@ def test_the_nonlinear_estimator_is_beside_the_linear_one(tmp_path: Path) -> Non
     whole = replace(scaled_map(2, 1, N_D), manifold=flight_map(discrepancy=1e-3))
     flown = flown_estimators(whole, flight())
     assert list(flown) == ["linear", "nonlinear"]
-    entry = flown["nonlinear"].entry()
-    assert min(entry["coverage_percent"].values()) >= 90.0
-    assert entry["healthy_percent"] > 90.0
-    assert set(entry["air_data"]["rms"]) == set(AIR_DATA)
-    assert entry["air_data"]["rms"]["angle_of_attack"] < np.radians(0.2)
-    assert "air_data" not in flown["linear"].entry()
+    score = flown["nonlinear"].record()
+    assert min(score["coverage"][name] for name in COEFFICIENT_NAMES) >= 0.9
+    assert score["healthy"] > 0.9
+    assert score["names"] == [*COEFFICIENT_NAMES, *AIR_DATA]
+    assert score["rms_error"]["angle_of_attack"] < np.radians(0.2)
+    assert flown["linear"].record()["names"] == [*COEFFICIENT_NAMES]
     errors = {name: (one.error, one.made.std) for name, one in flown.items()}
     error, std = errors["nonlinear"]
     save(estimator_errors(flight().time, errors, (error[:, 5:7], std[:, 5:7]), "test"), tmp_path / "errors.png")

@@ -30,13 +30,11 @@ from builder.trial.compared import (
     compared_estimators,
     conformal_half_width,
     estimated_fields,
-    field_errors,
     knowing,
     maps_for,
     of_random_walk,
     of_regression,
     refuse_unknown,
-    station_weights,
     step_costs,
     training_flights,
     with_drawn_errors,
@@ -57,17 +55,9 @@ from strainfmu.estimator.other_loads import FIVE_LOADS
 from strainfmu.estimator.reference.nonlinear import strain_covariance
 
 
-@pytest.mark.fast
-def test_fields_keep_jumps_at_slope_breaks_and_err_relative_to_the_true_one() -> None:
-    source, target = np.array([0.0, 0.5, 1.0, 1.0, 2.0]), np.array([0.0, 0.25, 1.0, 1.0, 1.5, 2.0])
-
-    def values(x: np.ndarray) -> np.ndarray:
-        behind = np.cumsum(np.diff(x, prepend=-1.0) == 0.0) > 0
-        return np.where(behind, 10.0 - x, 1.0 + 2.0 * x)
-
-    np.testing.assert_allclose(station_weights(source, target) @ values(source), values(target), rtol=1e-14)
-    true = np.array([[3.0, 4.0], [6.0, 8.0]])
-    np.testing.assert_allclose(field_errors(true + np.array([[0.0, 0.5], [1.0, 0.0]]), true), [0.1, 0.1])
+def field_error(estimate: np.ndarray, true: np.ndarray) -> float:
+    """Return the largest error of a field over the true one."""
+    return float(np.max(np.linalg.norm(estimate - true, axis=1) / np.linalg.norm(true, axis=1)))
 
 
 def test_a_linear_field_stands_on_the_ambient_pressure_and_a_nonlinear_one_is_the_snapshots(
@@ -92,7 +82,7 @@ def test_a_linear_field_stands_on_the_ambient_pressure_and_a_nonlinear_one_is_th
     made = Estimator(full).estimate(strain, q, mach_number=mach, static_pressure=p_inf)
     assert not made.is_linear.any()
     field = estimated_fields(made, np.full(len(rows), np.nan))
-    assert field_errors(field, snapshots.pressure[rows]).max() < 0.01
+    assert field_error(field, snapshots.pressure[rows]) < 0.01
 
 
 def test_the_true_field_is_the_field_of_the_snapshots(
@@ -115,7 +105,7 @@ def test_the_true_field_is_the_field_of_the_snapshots(
     flights = SimpleNamespace(conditions=tuple(snapshots.conditions()[row] for row in chosen))
     monkeypatch.setattr(world, "flights", lambda case: flights)
     field = world.fields(Case(error="any", group="alone"))
-    assert field_errors(field, snapshots.pressure[chosen]).max() < 0.03
+    assert field_error(field, snapshots.pressure[chosen]) < 0.03
 
 
 @pytest.mark.fast

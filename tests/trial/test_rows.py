@@ -147,9 +147,9 @@ def test_verdicts(group: str, z: float, n: int, undetected: int, verdict: str, w
 
 
 def test_few_samples_leave_a_verdict_open() -> None:
-    case = Case(error="e", group="beyond")
-    assert judged(case, rows(0.9, 40, 20))[0] == "open"
-    assert judged(case.model_copy(update={"flagged_at_least": 50.0}), rows(0.9, 40, 20))[0] == "missed"
+    few = rows(0.9, 40, 20)
+    assert judged(Case(error="e", group="beyond"), few)[0] == "open"
+    assert judged(Case(error="e", group="beyond", at_least={"flagged_percent": 50.0}), few)[0] == "missed"
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".parquet", ".json"])

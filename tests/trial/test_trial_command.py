@@ -83,7 +83,6 @@ def test_from_vehicle_file_to_table(
     code, out, message = run("stress", vehicle_file, "-o", folder, "--conditions", 3, "--draws", 1)
     assert (code, message) == (0, "")
     assert "nothing wrong" in out
-    assert "flagged, the largest of" in out
     entries = entries_in(folder)
     assert len(entries) >= 24
     for one in entries:
@@ -232,11 +231,11 @@ def test_table_and_figure_of_estimators_of_several_kinds(
     code, out, message = run(*command)
     assert (code, message) == (0, "")
     rows, drawn = rows_in(folder), "installation errors, drawn at their stated sizes"
-    for case in ("gauge noise", "gauge noise, at the corner", drawn):
+    for case in ("gauge noise", drawn):
         found = [estimator for of, estimator, load in rows if (of, load) == (case, "all")]
         assert found == [*PRODUCT, "regression tree"]
         samples = {row["samples"] for (of, _, load), row in rows.items() if (of, load) == (case, "all")}
-        assert samples == {"6" if "corner" in case else "12"}
+        assert samples == {"12"}
         for estimator in found:  # the body is not vented: its field is known without p_inf
             assert ((case, estimator, "pressure field") in rows) == (estimator in PRODUCT[:-1])
     for load in ("C_A", "C_N", "C_Y", "M_P", "M_Y"):
@@ -246,7 +245,7 @@ def test_table_and_figure_of_estimators_of_several_kinds(
     field = {name: float(rows["gauge noise", name, "pressure field"]["median"]) for name in PRODUCT[:3]}
     assert field["nonlinear"] < 0.5 * field["linear Case 1"]
     assert float(rows["gauge noise", "nonlinear, M and p_inf only", "dynamic_pressure"]["p95"]) < 0.06
-    assert "pressure field" in out
+    assert "rms over" in out
     assert (folder / "trial.png").read_bytes().startswith(b"\x89PNG")
     # Without scikit-learn the same command leaves its estimators out and says so.
     without(monkeypatch, "matplotlib", "sklearn")
@@ -301,7 +300,6 @@ def test_aims_on_the_shipped_vehicle(tmp_path: Path, run: Run) -> None:
     rows, drawn = rows_in(tmp_path), "installation errors, drawn at their stated sizes"
     for load, (column, limit) in AIMS.items():
         assert float(rows["gauge noise", "nonlinear", load][column]) <= limit, load
-    assert float(rows["gauge noise, at the corner", "nonlinear", "pressure field"]["p95"]) <= 0.03
     assert float(rows["gauge noise", "nonlinear, M and p_inf only", "dynamic_pressure"]["p95"]) <= 0.05
     of_loads = {key: row for key, row in rows.items() if row["rms_z"]}
     for (_, estimator, _), row in of_loads.items():

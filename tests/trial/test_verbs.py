@@ -24,7 +24,7 @@ from builder.trial.flows import Flow, solved_knots
 from builder.trial.readings import World, read_motion
 from builder.truth.revolution.flow_table import FlowTable, truth_surface
 from builder.truth.revolution.strain import TrueStructure
-from builder.vehicle.file import IC3X, VEHICLES, Vehicle, load_vehicle
+from builder.vehicle.file import IC3X, Vehicle, load_vehicle
 
 N = 8
 GAUGES = Gauges(
@@ -264,20 +264,3 @@ def test_conditions_of_a_square_are_inside_it_and_its_flows() -> None:
     turned = flown_conditions(where, shipped.model_copy(update={"conditions": entry}), TABLE, 200, random)
     assert 9.0 < np.degrees(max(one.total_incidence for one in turned)) <= 10.0 + 1e-9
     assert max(abs(one.sideslip_angle) for one in turned) > np.radians(8.0)
-
-
-@pytest.mark.fast
-@pytest.mark.parametrize(
-    ("name", "angles", "parameters"), [("ic3x.toml", (6.0, 6.0), ()), ("finned_body.toml", (4.5, 3.0), (3.0,))]
-)
-def test_the_corner_is_three_quarters_of_the_way(
-    name: str, angles: tuple[float, float], parameters: tuple[float, ...]
-) -> None:
-    """On the shipped vehicle it is the example of the source."""
-    where = Where(square=0.8, altitudes_km=[20.0, 20.0], corner=0.75)
-    vehicle = load_vehicle(VEHICLES / name)
-    table = TABLE if vehicle.is_of_revolution else None
-    first, *others = flown_conditions(where, vehicle, table, 3, np.random.default_rng(1))
-    assert others == [first, first]
-    assert (first.mach_number, first.altitude, first.parameters) == (5.0, 20e3, parameters)
-    assert np.degrees([first.angle_of_attack, first.sideslip_angle]) == pytest.approx(angles)

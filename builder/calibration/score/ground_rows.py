@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from functools import partial
 
 import numpy as np
 
@@ -17,10 +17,9 @@ from builder.aero.loads.operator import coefficient_scales_at
 from builder.calibration.after_test.calibrated_map import remaining_after
 from builder.calibration.after_test.left_by_test import Remaining, left_by_test
 from builder.calibration.estimate.estimated_vehicle import Estimate
-from builder.calibration.estimate.ground_test_faults import Fault, calibrate_with_faults
+from builder.calibration.estimate.ground_test_faults import calibrate_with_faults
 from builder.calibration.estimate.load_equations import load_equations
 from builder.calibration.estimate.outside_terms import outside_model
-from builder.calibration.estimate.readings_model import ReadingsModel
 from builder.calibration.estimate.remarks import remarks, unexplained
 from builder.calibration.ground_test.load_changes import (
     DIRECTED,
@@ -273,36 +272,6 @@ def towards_tail(load: Load, tilt_deg: float) -> Load:
     return replace(load, force=(x, y, z))
 
 
-def verdict_of(model: ReadingsModel) -> tuple[Estimate | None, tuple[Fault, ...], tuple[str, ...], str]:
-    """Return what `strainfmu calibrate` says of the readings of ``model``: the estimate of the vehicle, None where
-    the test is refused before; gauges and load cases left out; all lines; and why no map is made, empty where a
-    map is."""
-    try:
-        estimate, faults = calibrate_with_faults(model)
-    except InputError as error:
-        return None, (), (), str(error)
-    outside = outside_model(estimate)
-    lines = (*(fault.line for fault in faults), *outside.lines, *remarks(estimate))
-    return estimate, faults, lines, unexplained(estimate, outside, faults)
-
-
-class Tested(NamedTuple):
-    """A vehicle by its number, and what the calibration says of its test: by name, and the estimate that a map is
-    made of, None of a refused test.
-
-    Attributes
-    ----------
-    said : ``refused``, no map is made; ``named``, gauges or load cases are named as what they are, or the error,
-        not where nothing is wrong; ``gauges_blamed`` and ``cases_blamed``, sound ones that are left out, over all;
-        ``per_reading``, chi-square, NaN where there is no estimate.
-    """
-
-    number: int
-    built: AsBuilt
-    said: dict[str, float]
-    estimate: Estimate | None
-
-
 def applied_test(
     world: GroundWorld, entry: GroundTest, test: LoadTest, built: AsBuilt, random: np.random.Generator
 ) -> AppliedTest:
@@ -321,17 +290,18 @@ def applied_test(
             strain[number] += own
             weight[number] += own if isinstance(load, OF_MASS) else 0.0
 
-    def of_load(load: Load, stated: Load) -> FloatArray:
-        return world.load_strain(built, load, stated)
-
-    zero = np.tile(built.zero, (len(strain), 1))
+    zero, of_load = np.tile(built.zero, (len(strain), 1)), partial(world.load_strain, built)
     return AppliedTest(test=test, strain=strain, weight=weight, zero=zero, of_load=of_load)
 
 
-def tested(world: GroundWorld, case: Case, number: int) -> Tested:
-    """Return vehicle ``number`` with its test.
+def tested(world: GroundWorld, case: Case, number: int) -> tuple[AsBuilt, dict[str, float], Estimate | None]:
+    """Return vehicle ``number``, what `strainfmu calibrate` says of its test, and the estimate that a map is made
+    of, None of a refused test.
 
-    The error of the vehicle is drawn apart, so that all cases have the same vehicles and errors of loads.
+    It says ``refused``, no map is made; ``named``, gauges or load cases are named as what they are, or the error,
+    not where nothing is wrong; ``gauges_blamed`` and ``cases_blamed``, sound ones that are left out, over all;
+    ``per_reading``, chi-square, NaN where there is no estimate. The error of the vehicle is drawn apart, so that
+    all cases have the same vehicles and errors of loads.
     """
     entry, random = case.ground or GroundTest(), np.random.default_rng([number, 41])
     built = with_errors(case, world.drawn(random), np.random.default_rng([number, 43]))
@@ -341,19 +311,26 @@ def tested(world: GroundWorld, case: Case, number: int) -> Tested:
     wanted = spoil_of(entry, model.test)(reading, random, applied)
     noise = MICRO * entry.reading_std_um_per_m * entry.noise_times
     reading = reading + noise * random.standard_normal(reading.shape)
-    made, faults, lines, refused = verdict_of(model.with_readings(reading))
-    gauges, blamed = set(world.structure.gauges.names), {one.where: one.kind for one in faults}
+    try:
+        estimate, faults = calibrate_with_faults(model.with_readings(reading))
+    except InputError:
+        says = {"refused": 1.0, "named": 0.0, "gauges_blamed": 0.0, "cases_blamed": 0.0, "per_reading": np.nan}
+        return built, says, None
+    outside = outside_model(estimate)
+    lines = (*(fault.line for fault in faults), *outside.lines, *remarks(estimate))
+    refused = bool(unexplained(estimate, outside, faults))
+    gauges, blamed = set(world.structure.gauges.names), {fault.where: fault.kind for fault in faults}
     sound = set(blamed) & gauges - set(wanted)
     named = {where: kind for where, kind in blamed.items() if where not in sound}
     said = bool(entry.said) and any(entry.said in line for line in lines)
     says = {
-        "refused": bool(refused),
+        "refused": refused,
         "named": named == wanted if wanted else said,
         "gauges_blamed": len(sound) / len(gauges),
         "cases_blamed": len(set(named) - set(wanted)) / len(model.test.cases),
-        "per_reading": float("nan") if made is None else made.per_reading,
+        "per_reading": estimate.per_reading,
     }
-    return Tested(number, built, says, None if refused else made)
+    return built, says, None if refused else estimate
 
 
 EQUATIONS = "load equations"
@@ -380,15 +357,15 @@ def ground_rows(world: GroundWorld, case: Case, plan: Plan) -> dict[str, list[Ro
     said = list[dict[str, float]]()
     read, parts = list[Readings](), {name: list[Estimates]() for name in plan.estimators}
     for number in range(plan.seed, plan.seed + plan.vehicles):
-        test, covered = tested(world, case, number), 100.0
-        if test.estimate is not None:
-            flown = {name: estimates_of(world, test, test.estimate, name) for name in plan.estimators}
+        (built, says, estimate), covered = tested(world, case, number), 100.0
+        if estimate is not None:
+            flown = {name: estimates_of(world, number, built, estimate, name) for name in plan.estimators}
             for name, (_, made) in flown.items():
                 parts[name].append(made)
             read.append(next(iter(flown.values()))[0])
             of_maps = [rows_of(COEFFICIENT_NAMES, flown[name][1], read[-1])[1:] for name in MAPS if name in flown]
             covered = min((row["covered_percent"] for rows in of_maps for row in rows), default=covered)
-        said.append({**test.said, "silent": not test.said["named"] and covered < COVERED})
+        said.append({**says, "silent": not says["named"] and covered < COVERED})
     row = {"load": TEST, "samples": len(said), "vehicles": len(said), **row_of(said)}
     rows = {CALIBRATION: [{**one, "verdict": NONE, "why": ""} for one in labelled(case, CALIBRATION, [row])]}
     if not read:
@@ -405,46 +382,36 @@ def ground_rows(world: GroundWorld, case: Case, plan: Plan) -> dict[str, list[Ro
     return rows
 
 
-def estimates_of(world: GroundWorld, test: Tested, estimate: Estimate, name: str) -> tuple[Readings, Estimates]:
-    """Return what a vehicle reads in flight, zeros taken off as far as they are known, and estimates of it by the
-    estimator ``name``."""
+def estimates_of(
+    world: GroundWorld, number: int, built: AsBuilt, estimate: Estimate, name: str
+) -> tuple[Readings, Estimates]:
+    """Return what vehicle ``number`` reads with several draws of noise in each flight, zeros taken off as far as
+    they are known, and estimates of it by the estimator ``name``."""
     kind, _, state = name.partition(", ")
-    built = test.built
+
+    def flown(inverse_map: InverseMap, zero: FloatArray = estimate.parameters.zero) -> tuple[Readings, Estimates]:
+        """Return readings less ``zero`` (n_d,) [m/m], and estimates."""
+        flights, random = world.flights, np.random.default_rng([number, 42])
+        strain = world.pressure @ world.true_structure.strain_operator(built).T + (built.zero - zero)
+        strain = strain[flights.flight]
+        strain = strain + inverse_map.noise_std * random.standard_normal(strain.shape)
+        vehicle = np.full(len(strain), number)
+        read = replace(flights, strain=strain, vehicle=vehicle, name=f"vehicle {number}")
+        return read, _by_equations(world, estimate, read) if kind == EQUATIONS else of_map(inverse_map)(read)
+
     if state == EXACT:
         known = Remaining(parameters=built, covariance=np.zeros((len(built.vector),) * 2))
         return world.once(  # cases share it
             (built.vector.tobytes(), kind),
-            lambda: _flown(world, test, world.map_of(kind, world.true_on_map, known), built.zero),
+            lambda: flown(world.map_of(kind, world.true_on_map, known), built.zero),
         )
     if state == BEFORE:
-        return _flown(world, test, world.drawing(kind), built.zero)
+        return flown(world.drawing(kind), built.zero)
     if kind == EQUATIONS:
-        read = readings_of(world, test, world.drawing(next(iter(MAPS))).noise_std, estimate.parameters.zero)
-        return read, _by_equations(world, estimate, read)
+        return flown(world.drawing(next(iter(MAPS))))
     remaining = remaining_after(estimate)
     left = left_by_test(world.structure, remaining, world.ensemble)
-    inverse_map = world.map_of(kind, world.structure, remaining, left)
-    return _flown(world, test, inverse_map, estimate.parameters.zero)
-
-
-def _flown(
-    world: GroundWorld, test: Tested, inverse_map: InverseMap, zero: FloatArray
-) -> tuple[Readings, Estimates]:
-    read = readings_of(world, test, inverse_map.noise_std, zero)
-    return read, of_map(inverse_map)(read)
-
-
-def readings_of(world: GroundWorld, test: Tested, noise_std: FloatArray, zero: FloatArray) -> Readings:
-    """Return what a vehicle reads with several draws of noise in each flight, less ``zero`` (n_d,) [m/m]."""
-    built, flights, random = test.built, world.flights, np.random.default_rng([test.number, 42])
-    strain = world.pressure @ world.true_structure.strain_operator(built).T + (built.zero - zero)
-    every = strain[flights.flight]
-    return replace(
-        flights,
-        strain=every + noise_std * random.standard_normal(every.shape),
-        vehicle=np.full(len(every), test.number),
-        name=f"vehicle {test.number}",
-    )
+    return flown(world.map_of(kind, world.structure, remaining, left))
 
 
 def _by_equations(world: GroundWorld, estimate: Estimate, read: Readings) -> Estimates:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -25,7 +26,7 @@ from builder.calibration.ground_test.simulated import known_loads
 from builder.calibration.ground_test.standard_cases import standard_load_cases
 from builder.calibration.plan.load_plan import PlanParts, load_plan
 from builder.calibration.plan.schedule import run_order
-from builder.campaign.snapshots import Snapshots, snapshots_on
+from builder.campaign.snapshots import Snapshots, load_snapshots, snapshots_on
 from builder.inverse.modes.ensemble import Ensemble, ensemble_of
 from builder.structure.as_built.as_built_structure import AsBuiltStructure, as_built_structure, with_surface_of
 from builder.structure.as_built.as_built_vehicle import AsBuilt, as_built_std, draw_as_built
@@ -38,7 +39,7 @@ from builder.trial.cases import GroundTest, GroundTests
 from builder.trial.conditions import held_out_conditions
 from builder.trial.faults import MICRO
 from builder.trial.readings import Readings, Shared, navigation_at
-from builder.truth.revolution.flow_table import FlowTable, ratio_at
+from builder.truth.revolution.flow_table import FlowTable, load_truth_flows, ratio_at
 from builder.vehicle.file import Vehicle
 from builder.vehicle.model_entries import Resolution
 from builder.vehicle.shape.geometry import SurfaceGrid
@@ -264,17 +265,18 @@ class GroundWorld(Shared):
 
 
 def ground_world(
-    vehicle: Vehicle, snapshots: Snapshots, table: FlowTable, conditions: int, options: GroundTests
+    vehicle: Vehicle, snapshots: Path, flows: Path, conditions: int, options: GroundTests
 ) -> GroundWorld:
-    """Solve what all tests share."""
+    """Solve what all tests share; of the flows of the map, and of the independent model, in these files."""
     entry = vehicle.map.model_copy(update=next(iter(MAPS.values())))
     vehicle = vehicle.model_copy(update={"noise": vehicle.noise.without_hardware_errors(), "map": entry})
     structure = structure_of_test(vehicle, properties_of(vehicle), HARMONICS)
     true_structure = structure_of_truth(vehicle, options.walls == "smooth")
+    table = load_truth_flows(flows, vehicle)
     pressure, flights = flights_of(vehicle, table, true_structure.surface, conditions, options.draws)
     return GroundWorld(
         vehicle=vehicle,
-        snapshots=snapshots_on(snapshots, structure.surface),
+        snapshots=snapshots_on(load_snapshots(snapshots), structure.surface),
         structure=structure,
         true_structure=true_structure,
         pressure=pressure,

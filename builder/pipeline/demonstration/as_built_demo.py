@@ -17,32 +17,22 @@ import numpy as np
 from builder.calibration.after_test.calibrated_map import calibrated_map
 from builder.calibration.after_test.left_by_test import Remaining
 from builder.calibration.ground_test.ground_test_readings import read_load_test
-from builder.calibration.ground_test.load_test import LoadErrors, LoadTest
+from builder.calibration.ground_test.load_test import LoadErrors
 from builder.calibration.ground_test.load_test_file import read_test_file
 from builder.calibration.ground_test.simulated import simulate_ground_test, write_ground_test
 from builder.calibration.ground_test.standard_cases import standard_load_cases
-from builder.campaign.snapshots import Snapshots, load_snapshots
+from builder.campaign.snapshots import load_snapshots
 from builder.figures.calibration.as_built import as_built_figure
 from builder.figures.drawing.canvas import save
-from builder.pipeline.calibrate import (
-    CalibrationParts,
-    IndependentModel,
-    calibration_by,
-    with_levels,
-    write_calibration,
-    write_zeros_of,
-)
+from builder.pipeline.calibrate import calibrate, with_levels_of
 from builder.pipeline.demonstration.flight_scores import SCORE_VERSION, Flown, flown_estimators
 from builder.pipeline.demonstration.flown_shape import FLIGHT, make_numbers
-from builder.pipeline.map_files import true_structure_of
-from builder.pipeline.measured_levels import alarm_levels_wanted
 from builder.pipeline.pipeline import Pipeline
-from builder.pipeline.used_files import FLOWS, MAP, SNAPSHOTS
+from builder.pipeline.used_files import MAP, SNAPSHOTS
 from builder.structure.as_built.as_built_structure import AsBuiltStructure, as_built_structure
 from builder.structure.as_built.as_built_vehicle import AsBuilt, as_built_std, draw_as_built
 from builder.structure.as_built.wall_regions import counts_of
 from builder.structure.loads.applied import Weight
-from builder.truth.revolution.flow_table import load_flow_table
 from strainfmu.arrays import FloatArray
 from strainfmu.cosim.estimators.zeros_file import load_zeros
 from strainfmu.cosim.systems.recording import Recording
@@ -51,7 +41,7 @@ from strainfmu.estimator.map.inverse_map import load_inverse_map, save_inverse_m
 CASES = 12
 """Load cases of the ground test, in addition to own weight in four attitudes."""
 
-TEST, CALIBRATED, EXACT, ZEROS = "loadtest.toml", "calibrated.h5", "exact.h5", "zeros.toml"
+TEST, CALIBRATED, EXACT, ZEROS = "loadtest.toml", "calibrated.h5", "exact.h5", "calibrated_zeros.toml"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -61,13 +51,6 @@ class AsBuiltRun:
     pipeline: Pipeline
     vehicle_path: Path
     seed: int
-
-    @cached_property
-    def structure(self) -> AsBuiltStructure:
-        """The structure of the map with what may differ from the drawing."""
-        vehicle = self.pipeline.vehicle
-        with self.pipeline.reporter.stage("Structure: as it may be built") as progress:
-            return as_built_structure(vehicle, vehicle.gauges.layout, progress=progress)
 
     @cached_property
     def built(self) -> AsBuilt:
@@ -116,64 +99,30 @@ class AsBuiltRun:
         self.pipeline.make(TEST, holds, inputs, write)
 
     def make_maps(self) -> None:
-        """Calibrate the map by the test, and make the one that a vehicle known exactly would have."""
-        pipeline = self.pipeline
+        """Calibrate the map by the test, and make the one that a vehicle known exactly would have, with the alarm
+        levels of the calibrated one."""
+        pipeline, vehicle = self.pipeline, self.pipeline.vehicle
 
         def calibrated(path: Path) -> None:
-            test, reporter = self.test(), pipeline.reporter
-            parts = self._parts
-            made = calibration_by(test, pipeline.path(TEST), parts, reporter)
-            found, faults = made.estimate, made.faults
-            reporter.note(f"chi-square per reading {found.per_reading:.2f}, {len(faults)} faults")
-            for fault in faults:
-                reporter.note(fault.line)
-            files = {
-                "map of the drawing": pipeline.path(MAP),
-                "snapshots": pipeline.path(SNAPSHOTS),
-                "vehicle": self.vehicle_path,
-            }
-            write_calibration(made, parts, read_test_file(pipeline.path(TEST)), files, path)
-            write_zeros_of(found, path.with_name(ZEROS), CALIBRATED)
+            snapshots = pipeline.path(SNAPSHOTS)
+            made = calibrate(
+                pipeline.path(MAP), pipeline.path(TEST), path, snapshots=snapshots, progress=pipeline.reporter
+            )
+            for line in (*(fault.line for fault in made.faults), *made.notes):
+                pipeline.reporter.note(line)
 
         def exact(path: Path) -> None:
             none = np.zeros((len(self.built.vector),) * 2)
             known = Remaining(parameters=self.built, covariance=none)
-            made = calibrated_map(pipeline.vehicle, self._snapshots(), self.structure, known)
-            save_inverse_map(with_levels(made, self._parts, known, pipeline.reporter), path)
+            with pipeline.reporter.stage("Structure: as it may be built") as progress:
+                structure = as_built_structure(vehicle, vehicle.gauges.layout, progress=progress)
+            made = calibrated_map(vehicle, load_snapshots(pipeline.path(SNAPSHOTS)), structure, known)
+            save_inverse_map(with_levels_of(made, load_inverse_map(pipeline.path(CALIBRATED))), path)
 
         inputs = {"test": pipeline.made_from(TEST), "map": pipeline.made_from(MAP)}
-        holds = (
-            "the map as calibrated, zero offsets and report (.html, .pdf); zeros.toml: the offsets for other maps"
-        )
+        holds = f"the map as calibrated, and report (.html, .pdf); {ZEROS}: the zero offsets for other maps"
         pipeline.make(CALIBRATED, holds, inputs, calibrated)
         pipeline.make(EXACT, "the map of the same vehicle known exactly", inputs, exact)
-
-    @cached_property
-    def _parts(self) -> CalibrationParts:
-        """What the calibration starts from."""
-        pipeline, vehicle = self.pipeline, self.pipeline.vehicle
-        model = None
-        if alarm_levels_wanted(vehicle, pipeline.reporter):
-            flows = load_flow_table(pipeline.path(FLOWS))
-            model = IndependentModel(structure=true_structure_of(pipeline), flows=flows)
-        return CalibrationParts(
-            vehicle=vehicle,
-            snapshots=self._snapshots(),
-            structure=self.structure,
-            drawn=load_inverse_map(pipeline.path(MAP)),
-            independent=model,
-        )
-
-    def _snapshots(self) -> Snapshots:
-        return load_snapshots(self.pipeline.path(SNAPSHOTS))
-
-    def test(self) -> LoadTest:
-        """Return the test as its files state it."""
-        names = load_inverse_map(self.pipeline.path(MAP)).gauge_names
-        found, notes = read_load_test(read_test_file(self.pipeline.path(TEST)), names)
-        for note in notes:
-            self.pipeline.reporter.note(note)
-        return found
 
     def start_values(self) -> dict[str, float]:
         """Return the zeros that the estimator takes off what the plant reads."""
@@ -182,7 +131,8 @@ class AsBuiltRun:
 
     def zeros(self) -> dict[str, FloatArray]:
         """Return the zeros (n_d,) [m/m] by map: before the test, from a tare, the mean of all attitudes."""
-        inverse_map, test = load_inverse_map(self.pipeline.path(MAP)), self.test()
+        inverse_map = load_inverse_map(self.pipeline.path(MAP))
+        test, _ = read_load_test(read_test_file(self.pipeline.path(TEST)), inverse_map.gauge_names)
         tare = [case.reading for case in test.cases if all(isinstance(one.load, Weight) for one in case.loads)]
         return {
             "before": np.mean(tare, axis=0),
@@ -198,7 +148,7 @@ class AsBuiltRun:
             flown = self._flown(recording)
             errors = {name: (of_map.error, of_map.made.std) for name, of_map in flown.items()}
             save(as_built_figure(recording.time, errors, pipeline.vehicle.name), pipeline.path("as_built.png"))
-            return {name: of_map.entry() for name, of_map in flown.items()}
+            return {name: of_map.record() for name, of_map in flown.items()}
 
         inputs = pipeline.inputs(FLIGHT, version=SCORE_VERSION, maps=pipeline.made_from(MAP, CALIBRATED, EXACT))
         holds = "map before and after the test, and exact, on the same strains (and as a figure, as_built.png)"

@@ -334,27 +334,17 @@ def _figures(pipeline: Pipeline, recording: Recording, of_flight: str) -> None:
     title = vehicle.name
     of_pressure = pipeline.inputs(SNAPSHOTS, title=title)
     of_all = pipeline.inputs(SNAPSHOTS, MAP, FLIGHT, title=of_flight)
-    draw = partial(make_figure, pipeline)
+    overview = partial(figures.overview, snapshots, surface, inverse_map, recording, of_flight)
+    unrolled, on_body = (
+        partial(draw, snapshots, surface, title) for draw in (figures.pressure_unrolled, figures.pressure_on_body)
+    )
     with pipeline.reporter.stage("Figures"):
-        draw(
-            "overview.png",
-            "load, gauges and estimate in one picture",
-            of_all,
-            lambda: figures.overview(snapshots, surface, inverse_map, recording, of_flight),
-        )
-        draw(
-            "pressure_unrolled.png",
-            "pressure of three conditions on the unrolled surface",
-            of_pressure,
-            lambda: figures.pressure_unrolled(snapshots, surface, title),
-        )
-        draw(
-            "pressure_on_body.png",
-            "the same on the body",
-            of_pressure,
-            lambda: figures.pressure_on_body(snapshots, surface, title),
-        )
-        draw("gauges.png", "gauge layout", pipeline.inputs(MAP), lambda: figures.gauges(inverse_map, surface))
+        make_figure(pipeline, "overview.png", "load, gauges and estimate in one picture", of_all, overview)
+        holds = "pressure of three conditions on the unrolled surface"
+        make_figure(pipeline, "pressure_unrolled.png", holds, of_pressure, unrolled)
+        make_figure(pipeline, "pressure_on_body.png", "the same on the body", of_pressure, on_body)
+        gauges = partial(figures.gauges, inverse_map, surface)
+        make_figure(pipeline, "gauges.png", "gauge layout", pipeline.inputs(MAP), gauges)
         make_coefficients(pipeline, recording, of_flight)
         make_pictures(pipeline)
 
@@ -373,7 +363,7 @@ def _estimators(pipeline: Pipeline, recording: Recording, title: str) -> dict[st
         error, std = (part[:, angles] for part in errors["nonlinear"])
         figure = estimator_errors(recording.time, errors, (error, std), title)
         save(figure, pipeline.path("estimators.png"))
-        return {name: of_flight.entry() for name, of_flight in flown.items()}
+        return {name: of_flight.record() for name, of_flight in flown.items()}
 
     inputs = pipeline.inputs(MAP, FLIGHT, version=SCORE_VERSION)
     holds = "linear and nonlinear estimator on the same strains, as numbers (and as a figure, estimators.png)"

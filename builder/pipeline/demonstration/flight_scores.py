@@ -29,9 +29,9 @@ from builder.structure.structure_file import Structure
 from builder.trial.bound import KNOWN, cramer_rao_bound
 from builder.trial.conditions import at_any_roll
 from builder.trial.estimators import Estimates, estimate_of, estimates_from, of_map, together
-from builder.trial.levels import stated_readings
-from builder.trial.readings import ANGLES, Readings, World, joined
-from builder.trial.score import ROLLING, Row, by_load, rows_of
+from builder.trial.levels import HARDWARE
+from builder.trial.readings import ANGLES, Readings, World, joined, read_own_vehicles
+from builder.trial.score import ROLLING, by_load, rows_of
 from builder.truth.revolution.strain import TrueFlights, TrueStructure, flights_of_harmonics, true_structure
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray, IntArray
@@ -44,7 +44,7 @@ from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
 from strainfmu.flight_condition import FlightCondition
 from strainfmu.interface.sensor_variables import reading_names
 
-SCORE_VERSION = 3
+SCORE_VERSION = 4
 """Raised whenever scores of flights have other figures of the same files."""
 
 AIR_DATA = (*ANGLES, MACH_NUMBER, DYNAMIC_PRESSURE)
@@ -65,16 +65,7 @@ RECORD = {
     "rms_z": ("rms_z", 1.0),
     "bound": ("bound", 1.0),
 }
-"""Columns of a score, with factors, by the entries of ``summary.json``."""
-
-ENTRY = {
-    "rms": ("rms", 1.0),
-    "coverage_percent": ("covered_percent", 1.0),
-    "bias": ("bias", 1.0),
-    "rms_z": ("rms_z", 1.0),
-    "bound": ("bound", 1.0),
-}
-"""The same by the entries of ``estimators.json``."""
+"""Columns of a score, with factors, by the entries of files of results."""
 
 
 class Flown(NamedTuple):
@@ -88,35 +79,16 @@ class Flown(NamedTuple):
         """(n, m) estimate less truth."""
         return self.made.value - self.read.truth[:, : self.made.value.shape[1]]
 
-    def rows(self, names: Sequence[str]) -> list[Row]:
-        """Return the rows of all loads together and of the first of ``names``, as far as they are estimated."""
-        return rows_of(names[: self.made.value.shape[1]], self.made, self.read)
-
-    @property
-    def healthy(self) -> float:
-        """Fraction of samples with health OK [1]."""
-        return float(np.mean(self.made.health == HealthState.OK))
-
-    def record(self, names: Sequence[str] = COEFFICIENT_NAMES) -> dict[str, Any]:
-        """Return the score for a file of results: a number per load by name, None where there is none."""
-        every, *loads = self.rows(names)
-        named = {entry: by_load(loads, *column) for entry, column in RECORD.items()}
-        whole = {"healthy": self.healthy, "right_flagged": 0.01 * every["right_flagged_percent"]}
-        return {"names": [row["load"] for row in loads], **named, **whole}
-
-    def entry(self) -> dict[str, Any]:
-        """Return accuracy for a file of results, of coefficients and air data."""
-        rows = self.rows((*COEFFICIENT_NAMES, *AIR_DATA))[1:]
-        loads, air = (
-            {
-                entry: by_load(part, *column)
-                for entry, column in ENTRY.items()
-                if any(column[0] in row for row in part)
-            }
-            for part in (rows[: len(COEFFICIENT_NAMES)], rows[len(COEFFICIENT_NAMES) :])
-        )
-        entry = {**loads, "healthy_percent": 100.0 * self.healthy}
-        return {**entry, "air_data": air} if air else entry
+    def record(self, names: Sequence[str] = (*COEFFICIENT_NAMES, *AIR_DATA)) -> dict[str, Any]:
+        """Return the score for a file of results: a number per load by name, None where there is none; of the
+        first of ``names``, as far as they are estimated."""
+        every, *loads = rows_of(names[: self.made.value.shape[1]], self.made, self.read)
+        return {
+            "names": [row["load"] for row in loads],
+            **{entry: by_load(loads, *column) for entry, column in RECORD.items()},
+            "healthy": float(np.mean(self.made.health == HealthState.OK)),
+            "right_flagged": 0.01 * every["right_flagged_percent"],
+        }
 
 
 def score_flight(recording: Recording, inverse_map: InverseMap | None = None) -> dict[str, Any]:
@@ -295,7 +267,7 @@ def held_out_score(
             random = np.random.default_rng([SEED, number])
             flown = _flown(vehicle, on_grid.chosen(part.flown), truth, inverse_map, random)
             world = World(vehicle=vehicle, structure=truth, flows=None, inverse_map=inverse_map)
-            read = joined(list(stated_readings(world, flown, random, VEHICLES)))
+            read = joined(list(read_own_vehicles(world, HARDWARE, flown, VEHICLES, random)))
             made.append(of_map(inverse_map)(read))
             bound = cramer_rao_bound(inverse_map, flown.conditions, KNOWN)
             every.append(

@@ -106,22 +106,14 @@ def harmonics_at(table: FlowTable, mach: FloatArray, incidence: FloatArray) -> F
     return out
 
 
-def ratio_at(
-    table: FlowTable,
-    conditions: Sequence[FlightCondition],
-    roll_angle: FloatArray,
-    between: FloatArray | None = None,
-) -> FloatArray:
-    """Return p / p_inf (k, n_x n_phi) at ``conditions`` and ``roll_angle`` (n_phi,) [rad].
-
-    At the stations of ``table``, or at others: ``between`` (n_x, stations) has weights of these for each.
-    """
-    mach, incidence, wind = flow_states(conditions)
+def ratio_at(table: FlowTable, conditions: Sequence[FlightCondition], roll_angle: FloatArray) -> FloatArray:
+    """Return p / p_inf (k, n_x n_phi) at ``conditions``, the stations of ``table`` and ``roll_angle`` (n_phi,)
+    [rad]."""
+    mach, incidence, leeward = flow_states(conditions)
     harmonic = harmonics_at(table, mach, incidence)
-    harmonic = harmonic if between is None else between @ harmonic
     m = np.arange(harmonic.shape[-1])
-    found = [h @ np.cos(np.outer(m, roll_angle - at)) for h, at in zip(harmonic, wind, strict=True)]
-    return np.array(found).reshape(len(harmonic), -1)
+    ratio = [h @ np.cos(np.outer(m, roll_angle - phi)) for h, phi in zip(harmonic, leeward, strict=True)]
+    return np.array(ratio).reshape(len(harmonic), -1)
 
 
 def by_parity(n_m: int) -> tuple[BoolArray, BoolArray]:

@@ -112,7 +112,7 @@ def _accuracy_table(title: str, scores: dict[str, Any]) -> Table:
         cells = [
             text
             for score in scores.values()
-            for text in (_rms_of(score, coefficient), f"{score['coverage_percent'][coefficient]:.2f} %")
+            for text in (_rms_of(score, coefficient), f"{score['coverage'][coefficient]:.2%}")
         ]
         table.add_row(f"{coefficient} [1]", *cells)
     return table
@@ -120,17 +120,17 @@ def _accuracy_table(title: str, scores: dict[str, Any]) -> Table:
 
 def _rms_of(scores: dict[str, Any], name: str) -> str:
     """Return an rms error, with its Cramer-Rao bound where there is one."""
-    bound = scores.get("bound", {}).get(name)
-    return f"{scores['rms'][name]:.2e}" + ("" if bound is None else f" ({bound:.1e})")
+    bound = scores["bound"][name]
+    return f"{scores['rms_error'][name]:.2e}" + ("" if bound is None else f" ({bound:.1e})")
 
 
 def _show_estimators(console: Console, estimators: dict[str, Any]) -> None:
     """Show the accuracy of each estimator on the same strains."""
     in_words = {estimator_in_words(name): scores for name, scores in estimators.items()}
     table = _accuracy_table("Linear and nonlinear estimator on the same strains", in_words)
-    air = estimators["nonlinear"]["air_data"]
+    flown = estimators["nonlinear"]
     for name in ("angle_of_attack", "sideslip_angle"):
-        cells = [f"{degrees(air['rms'][name]):.3f}", f"{air['coverage_percent'][name]:.2f} %"]
+        cells = [f"{degrees(flown['rms_error'][name]):.3f}", f"{flown['coverage'][name]:.2%}"]
         table.add_row(escape(f"{name.replace('_', ' ')} [deg]"), "-", "-", *cells)
     console.print(table)
 

@@ -50,16 +50,7 @@ def _show_trial(run: Callable[..., TrialResult], options: dict[str, Any]) -> Non
 
 
 def _show_errors(result: TrialResult) -> None:
-    from builder.trial.table import (
-        ERROR_TITLE,
-        HEADINGS,
-        TITLES,
-        cells_of,
-        error_cells,
-        in_order,
-        loads_of,
-        reasons,
-    )
+    from builder.trial.table import HEADINGS, TITLES, cells_of, in_order, loads_of, reasons
 
     wide, loads = Console(width=max(Console().width, WIDTH)), loads_of(result.rows)
     for name, rows in in_order(result.rows).items():
@@ -70,13 +61,6 @@ def _show_errors(result: TrialResult) -> None:
             table.add_column(heading, justify="left" if is_text else "right", no_wrap=not is_text)
         for row in rows:
             table.add_row(*(escape(cell) for cell in cells_of(row, loads[row["case"], row["estimator"]])))
-        wide.print(table)
-    if errors := error_cells(result.rows):
-        table = Table(title=f"{escape(result.vehicle)}: {ERROR_TITLE}", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
-        for number, heading in enumerate(errors[0]):
-            table.add_column(escape(heading), justify="left" if number < 2 else "right", no_wrap=number > 1)
-        for cells in errors[1:]:
-            table.add_row(*(escape(cell) for cell in cells))
         wide.print(table)
     say(*reasons(result.rows))
 
