@@ -309,13 +309,7 @@ SB_API int sb_encode(const SbSignal *signal, int count, const double *value, int
 
 /* --- between the files ------------------------------------------------------------------------------------------------ */
 
-int64_t signal_raw(const SbSignal *signal, const uint8_t *data);
-double signal_value(const SbSignal *signal, int64_t raw);
-int signal_is_code(const SbPlan *plan, const SbSignal *signal, int64_t raw);
-int signal_is_outside(const SbSignal *signal, int64_t raw, double value);
 uint16_t frame_crc(const SbSlot *slot, const uint8_t *data, int n, const uint8_t *covered, int n_covered);
-uint16_t frame_crc_in(const SbSlot *slot, const uint8_t *data);
-int frame_counter(const SbSlot *slot, const uint8_t *data);
 
 enum { E2E_OK, E2E_SOME_LOST, E2E_REPEATED, E2E_WRONG_SEQUENCE, E2E_ERROR, E2E_NO_NEW_DATA };
 enum { E2E_NO_DATA, E2E_INIT, E2E_VALID, E2E_INVALID };

@@ -3,8 +3,8 @@
 #include <math.h>
 #include <string.h>
 
-#include "bus.h"
 #include "rounding.h"
+#include "signals.h"
 
 enum { WORST_STATUS = 1, INTERVALS = 16, LOOKED_AT = 4 };
 
@@ -153,11 +153,11 @@ static Echo echo_of(const SbPlan *p, const SbState *s) {
         return echo;
     }
     echo.is_named = 1;
-    for (int k = 0; k < SB_ANSWERS; k++) {
-        const SbAnswer *a = &s->answer[k];
+    for (int k = 1; k <= SB_ANSWERS; k++) { /* the newest first */
+        const SbAnswer *a = &s->answer[(s->n_answers + SB_ANSWERS - k) % SB_ANSWERS];
         if (a->ticks == ticks && a->counter == counter) {
             const double known = signal_is_code(p, delay, late) ? 0.0 : signal_value(delay, late) * delay->factor;
-            echo = (Echo){1, 1, a->ready, known, a->unseen};
+            return (Echo){1, 1, a->ready, known, a->unseen};
         }
     }
     return echo;

@@ -14,7 +14,7 @@
 #include <math.h>
 
 #include "../core/elementary.h"
-#include "bus.h"
+#include "signals.h"
 
 enum { SHORTEST_STUCK = 25, SHORTEST_ZERO = 5, FIRST_LEARN = 32, LATER_LEARN = 256, MEMORY = 2048 };
 
@@ -71,8 +71,7 @@ void gauges_begin(const SbPlan *p, SbState *s) {
 /* Keep a good strain and its rate of change [m/m per cycle]. */
 static void keep_pace(const SbPlan *p, SbGauge *g, double strain, double now) {
     const double change = fabs(strain - g->last_good), since = (now - g->good_time) / p->cycle;
-    const double pace = since > 1.0 ? change / since : change, faded = FADING * g->pace;
-    g->pace = pace > faded ? pace : faded; /* the first good strain has none: NaN is not above */
+    g->pace = larger(change / larger(since, 1.0), FADING * g->pace); /* the first good strain has none: NaN is not above */
     g->last_good = strain;
     g->good_time = now;
 }
@@ -91,14 +90,12 @@ static int read_gauge(const SbPlan *p, const SbSlot *t, SbGauge *g, const SbSign
                       int teaches) {
     const double value = signal_value(signal, raw), strain = value * signal->factor;
     const double change = strain - g->last;
-    int fault = SB_IS_USED;
-    if (refuse_all || signal_is_code(p, signal, raw) || signal_is_outside(signal, raw, value)) {
-        fault = SB_NO_VALUE;
-    }
     if (signal_is_code(p, signal, raw) || strain != strain) { /* it says nothing about the gauge */
         g->run = g->zeros = 0;
         return SB_NO_VALUE;
     }
+    const int has_value = !refuse_all && !signal_is_outside(signal, raw, value);
+    const int is_at_zero = raw == 0 || fabs(strain) <= ROUND_OFF;
     const int repeats = g->is_seen && raw == g->last_raw;
     g->run = repeats ? g->run + 1 : 0;
     if (teaches && g->is_seen && g->run < g->stuck_limit) {
@@ -106,67 +103,72 @@ static int read_gauge(const SbPlan *p, const SbSlot *t, SbGauge *g, const SbSign
         g->changes += !repeats;
     }
     const int is_stuck = g->run >= g->stuck_limit;
-    const int is_zero = (raw == 0 || fabs(strain) <= ROUND_OFF) && is_fault_of_zero(p, g, strain, t->period / p->cycle);
-    g->zeros = raw == 0 || fabs(strain) <= ROUND_OFF ? g->zeros : 0;
+    const int is_zero = is_at_zero && is_fault_of_zero(p, g, strain, t->period / p->cycle);
+    g->zeros = is_at_zero ? g->zeros : 0;
     g->last_raw = raw;
     g->last = strain;
     g->is_seen = 1;
-    if (!fault) {
-        fault = !(fabs(strain) <= p->sensor_range) ? SB_OUT_OF_RANGE
-                : fabs(change) > p->rate_limit     ? SB_JUMPS
-                : is_stuck                         ? SB_IS_FROZEN
-                : is_zero                          ? SB_ZERO
-                                                   : SB_IS_USED;
-    }
-    return fault;
+    return !has_value                           ? SB_NO_VALUE
+           : !(fabs(strain) <= p->sensor_range) ? SB_OUT_OF_RANGE
+           : fabs(change) > p->rate_limit       ? SB_JUMPS
+           : is_stuck                           ? SB_IS_FROZEN
+           : is_zero                            ? SB_ZERO
+                                                : SB_IS_USED;
 }
 
 /* --- gauges together -------------------------------------------------------------------------------------------------------- */
 
+/* Gauges of a frame, or of all: how many have repeated their readings at least m times. */
 typedef struct {
-    int n, k, n_fresh;
+    int n, k;
     double log_probability;
 } Group;
 
-/* Gauges of a frame, or of all (slot < 0), that have repeated their readings at least m times. */
-static Group group_of(const SbPlan *p, const SbState *s, int slot, int m) {
-    Group group = {0, 0, 0, 0.0};
-    for (int i = 0; i < p->n_slots; i++) {
-        const SbSlot *t = &p->slot[i];
-        if (t->kind > SB_HELD || (slot >= 0 && i != slot)) {
-            continue;
-        }
-        for (int k = t->first; k < t->first + t->n_signals; k++) {
-            const SbGauge *g = &gauges_of(s)[p->signal[k].target];
-            const int repeats = slots_of(s)[i].present && g->run >= m;
-            group.n++;
-            group.k += repeats;
-            group.log_probability += repeats ? m * g->log_repeat : 0.0;
-        }
-    }
-    return group;
+static int is_frozen(const Group *group) {
+    const double choice = group->k < group->n ? smaller(group->n * LN_2, LARGEST_CHOICE) : 0.0;
+    return group->k >= 2 && group->log_probability + choice < LN_CHANCE;
 }
 
-/* Mark gauges that are frozen together; 1 if there are any. */
-static int find_frozen(const SbPlan *p, SbState *s, int slot, int m) {
-    const Group group = group_of(p, s, slot, m);
-    const double choice = group.k < group.n ? smaller(group.n * LN_2, LARGEST_CHOICE) : 0.0;
-    if (group.k < 2 || group.log_probability + choice >= LN_CHANCE) {
-        return 0;
-    }
+/* Mark gauges of a frame, or of all (slot < 0), that have repeated their readings at least m times. */
+static void mark_frozen(const SbPlan *p, SbState *s, int slot, int m) {
     for (int i = 0; i < p->n_slots; i++) {
         const SbSlot *t = &p->slot[i];
-        if (t->kind > SB_HELD || (slot >= 0 && i != slot) || !slots_of(s)[i].present) {
-            continue;
-        }
-        for (int k = t->first; k < t->first + t->n_signals; k++) {
+        const int is_meant = t->kind <= SB_HELD && (slot < 0 || i == slot) && slots_of(s)[i].present;
+        for (int k = t->first; is_meant && k < t->first + t->n_signals; k++) {
             SbGauge *g = &gauges_of(s)[p->signal[k].target];
-            if (g->run >= m && g->reason == SB_IS_USED) {
-                g->reason = SB_IS_FROZEN;
-            }
+            g->reason = g->run >= m && g->reason == SB_IS_USED ? SB_IS_FROZEN : g->reason;
         }
     }
-    return 1;
+}
+
+/* Mark gauges that are frozen together, of a frame or all; SB_FROZEN if there are any. */
+static uint32_t find_frozen(const SbPlan *p, SbState *s, int m) {
+    Group all = {0, 0, 0.0};
+    uint32_t causes = 0;
+    for (int i = 0; i < p->n_slots; i++) {
+        const SbSlot *t = &p->slot[i];
+        Group own = {0, 0, 0.0};
+        for (int k = t->first; t->kind <= SB_HELD && k < t->first + t->n_signals; k++) {
+            const SbGauge *g = &gauges_of(s)[p->signal[k].target];
+            if (g->run >= m && slots_of(s)[i].present) {
+                own.k++;
+                own.log_probability += m * g->log_repeat;
+                all.log_probability += m * g->log_repeat;
+            }
+        }
+        own.n = t->kind <= SB_HELD ? t->n_signals : 0;
+        all.n += own.n;
+        all.k += own.k;
+        if (is_frozen(&own)) {
+            mark_frozen(p, s, i, m);
+            causes = SB_FROZEN;
+        }
+    }
+    if (is_frozen(&all)) {
+        mark_frozen(p, s, -1, m);
+        causes = SB_FROZEN;
+    }
+    return causes;
 }
 
 /* --- all -------------------------------------------------------------------------------------------------------------------- */
@@ -225,11 +227,7 @@ uint32_t gauges_check(const SbPlan *p, SbState *s, int refuse_all, int64_t ticks
     uint32_t causes = 0;
     s->all_frozen = 0;
     for (int r = 0; n_running >= 2 && p->stuck != 0 && r < 3; r++) {
-        for (int i = -1; i < p->n_slots; i++) {
-            if (i < 0 || p->slot[i].kind <= SB_HELD) {
-                causes |= find_frozen(p, s, i, RUNS[r]) ? SB_FROZEN : 0;
-            }
-        }
+        causes |= find_frozen(p, s, RUNS[r]);
     }
     const int is_dead = n_fresh && n_zero == n_present && are_dead(p, s, s->first);
     int n_used = 0;

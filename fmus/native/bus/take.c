@@ -6,7 +6,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "bus.h"
+#include "signals.h"
 
 enum { WINDOW = 10, MAX_DELTA = 3, CATCH_UP = 10, SESSION_PATIENCE = 100, RECENT = 8 };
 
@@ -60,9 +60,14 @@ int e2e_is_trusted(const SbPlan *p, const SbState *s, int slot) {
     return slots_of(s)[by_trailer ? p->trailer : slot].state == E2E_VALID;
 }
 
-/* FNV-1a (G. Fowler, L. C. Noll, K.-P. Vo), with 64 bits. */
+/* FNV-1a (G. Fowler, L. C. Noll, K.-P. Vo) with 64 bits, of eight bytes at once, of the rest byte by byte. */
 static uint64_t hash_of(uint64_t hash, const uint8_t *data, int n) {
-    for (int k = 0; k < n; k++) {
+    int k = 0;
+    for (uint64_t eight; k + 8 <= n; k += 8) {
+        memcpy(&eight, data + k, sizeof eight);
+        hash = (hash ^ eight) * UINT64_C(1099511628211);
+    }
+    for (; k < n; k++) {
         hash = (hash ^ data[k]) * UINT64_C(1099511628211);
     }
     return hash;
