@@ -9,6 +9,7 @@ from ensembles import listed_ensemble
 
 from builder.calibration.after_test.left_by_test import COMMON, PATTERNS, LeftByTest, Remaining, left_by_test
 from builder.inverse.modes.ensemble import Ensemble
+from builder.inverse.noise.error_list import error_named
 from builder.structure.as_built.as_built_structure import AsBuiltStructure
 from builder.structure.as_built.as_built_vehicle import as_built_std, draw_as_built
 from builder.vehicle.file import Vehicle
@@ -72,6 +73,13 @@ def test_every_gauge_errs_in_every_flow_as_the_parameters_do(
     assert np.sqrt(np.mean(((held - mean) / scale) ** 2)) < 0.3 * np.sqrt(
         np.mean((mean / scale - np.eye(len(mean))) ** 2)
     )
+
+
+def test_a_gain_corrects_what_single_gauges_have_and_not_what_all_have_in_common(left: LeftByTest) -> None:
+    assert {(error.common, error_named(error.name).role) for error in left.errors} == {
+        (True, "considered"),
+        (False, "estimated"),
+    }
 
 
 def test_operators_give_the_strain_of_the_flows(ensemble: Ensemble, left: LeftByTest) -> None:

@@ -4,7 +4,9 @@ The strain of a flow is wrong by J d: d is the error of the parameters, of the c
 derivatives of the strain in that flow. It follows the flow, as the error of a vehicle does. A map knows errors
 that all gauges have in common, and errors of each gauge on its own. So the directions of d that strain most, over
 all flows and gauges, become common errors; what they leave becomes errors of each gauge, one for each pattern over
-the flows. The mean variance of every gauge is kept, covariances as far as the common errors hold them.
+the flows. The mean variance of every gauge is kept, covariances as far as the common errors hold them. The gain
+of the nonlinear estimator does not know the common errors, as it does not know errors of wall and layout before a
+test: a gain that corrects them weighs gauges by that, and the error of C_N nearly doubles.
 """
 
 from __future__ import annotations
@@ -17,14 +19,13 @@ from scipy.linalg import eigh
 from scipy.sparse import csr_array
 
 from builder.inverse.modes.ensemble import Ensemble
+from builder.inverse.noise.error_list import IN_COMMON_AFTER_TEST, OF_EACH_AFTER_TEST
 from builder.inverse.noise.hardware_errors import HardwareError
 from builder.inverse.noise.model import NoiseTerm
 from builder.structure.as_built.as_built_vehicle import AsBuilt, Key, places_of, slices, uncertain_keys
 from builder.structure.as_built.displaced_structure import AnyAsBuilt
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.estimator.signal_names import ZERO
-
-NAME = "left by the ground test"
 
 COMMON = 20
 """Errors that all gauges have in common. With 6 the part of C_A's variance that a test leaves came out half as
@@ -98,13 +99,13 @@ def _errors(structure: AnyAsBuilt, remaining: Remaining, ensemble: Ensemble) -> 
         operators[:, gauges] = (errors[gauges] @ slopes(number).swapaxes(0, 1)).swapaxes(0, 1)
     return [
         HardwareError(
-            name=NAME,
+            name=IN_COMMON_AFTER_TEST if is_common else OF_EACH_AFTER_TEST,
             operator=operator,
             strain=ensemble.responses(operator),
-            common=number < common.shape[2],
+            common=is_common,
             with_rest=True,
         )
-        for number, operator in enumerate(operators)
+        for operator, is_common in zip(operators, np.arange(len(operators)) < common.shape[2], strict=True)
     ]
 
 

@@ -44,6 +44,9 @@ PROCESS, SPREAD = "pressure off the tables", "fraction of the snapshots"
 INTERPOLATION, GRID_REFINEMENT = "interpolation", "grid of the flow"
 """Names of the numerical errors of the flow."""
 
+OF_EACH_AFTER_TEST, IN_COMMON_AFTER_TEST = "ground test, of each gauge", "ground test, in common"
+"""Names of what a ground test left unknown."""
+
 _GAUGE, _ALL, _PRESSURE, _NUMERICS = "each gauge", "all gauges", "pressure on the surface", "numerics of the build"
 
 
@@ -101,6 +104,8 @@ ERRORS = {
             )
             for kind in IN_NOISE
         ),
+        MapError(name=OF_EACH_AFTER_TEST, acts_on=_GAUGE),
+        MapError(name=IN_COMMON_AFTER_TEST, role="considered"),
         MapError(name="mesh, of each gauge", acts_on=_NUMERICS),
         MapError(name="mesh, in common", acts_on=_NUMERICS, role="considered"),
         MapError(name=INTERPOLATION, acts_on=_NUMERICS),
@@ -122,7 +127,7 @@ ERRORS = {
     )
 }
 """All errors by name. What is not listed is estimated: modes of ``noise.nuisance_file``, flow parameters, errors
-of the sensors of [sensors], and what a ground test left."""
+of the sensors of [sensors]."""
 
 
 def error_named(name: str) -> MapError:
