@@ -33,7 +33,7 @@ from strainfmu.estimator.other_loads import output_units
 from strainfmu.interface.health_names import CHI_SQUARE, ENVELOPE_SCORE, STATE, USABLE
 from strainfmu.recorded.outputs import (
     ESTIMATE_COLUMNS,
-    EstimateWriter,
+    PartsWriter,
     check_output,
     estimate_writer,
     other_outputs_of,
@@ -313,7 +313,7 @@ def estimate_log(
 class _Rows:
     """Collects results and writes them block by block, with the outputs ``others`` behind the other columns."""
 
-    def __init__(self, writer: EstimateWriter, others: Sequence[str]) -> None:
+    def __init__(self, writer: PartsWriter, others: Sequence[str]) -> None:
         self._writer, self._others = writer, others
         self._rows: list[list[float]] = []
 

@@ -39,7 +39,6 @@ from strainfmu.recorded.names import (
     scale_of,
     some_of,
     strain_number,
-    temperature_quantities,
     time_rank,
     time_unit,
 )
@@ -224,13 +223,13 @@ def channels(
 def channel_draft(source: Path, recording: Path) -> ChannelDraft:
     """Return the channels that ``recording`` most likely has for ``source``; errors as :func:`channels`."""
     with open_estimator(source) as estimator:
-        gauges, quantities = estimator.gauge_names, _quantities(estimator)
+        gauges, quantities = estimator.wanted.gauge_names, _quantities(estimator)
         places = _places(estimator.inverse_map, gauges)
     known = {plain_name(name) for name in gauges}
     with open_table(recording, Reading(is_known=lambda name: plain_name(name) in known)) as table:
-        headings = {plain_name(column.name) for column in table.places.values()}
+        headings = {plain_name(column.name) for column in table.columns}
     with open_table(recording, Reading(is_known=lambda name: plain_name(name) in headings)) as table:
-        columns = {column.full: column for column in table.places.values()}
+        columns = {column.full: column for column in table.columns}
         time, has_time = _time(table)
     units = {name: column.unit for name, column in columns.items() if column.unit}
     names = [name for name, one in columns.items() if name != time and not _needs_none(one, quantities)]
@@ -270,9 +269,9 @@ def _quantities(estimator: BlockEstimator) -> tuple[str, ...]:
     """Return all that a channel of the flow may be, as channels.toml names it."""
     return (
         *QUANTITIES,
-        *temperature_quantities(estimator.sensor_names),
-        *(f"{PREFIX}{name}" for name in estimator.parameter_names),
-        *(name if name == THRUST else f"{SENSOR_PREFIX}{name}" for name in estimator.readings),
+        *estimator.wanted.temperatures,
+        *(f"{PREFIX}{name}" for name in estimator.parameters),
+        *(name if name == THRUST else f"{SENSOR_PREFIX}{name}" for name in estimator.wanted.readings),
     )
 
 
@@ -281,7 +280,7 @@ def _time(table: Table) -> tuple[str | None, bool]:
     times = {frame.columns[i].full for frame in table.frames for i in frame.times if not frame.has_clock}
     if len(times) == 1 or any(frame.has_clock for frame in table.frames):
         return None, True
-    by_unit = [column.full for column in table.places.values() if time_unit(column.unit or "") is not None]
+    by_unit = [column.full for column in table.columns if time_unit(column.unit or "") is not None]
     time = next(iter([*sorted(times), *by_unit]), None)
     return time, time is not None
 

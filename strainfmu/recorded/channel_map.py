@@ -12,11 +12,11 @@ divider rule, strain = x/k. With r of the other sign these are the formulas of N
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import inf
 from pathlib import Path
-from typing import get_args
+from typing import NamedTuple, get_args
 
 import numpy as np
 
@@ -27,7 +27,7 @@ from strainfmu.estimator.signal_names import ZERO
 from strainfmu.interface.parameter_variables import PREFIX
 from strainfmu.interface.sensor_variables import PREFIX as SENSOR_PREFIX
 from strainfmu.interface.sensor_variables import THRUST
-from strainfmu.recorded.names import QUANTITIES, is_temperature, time_unit
+from strainfmu.recorded.names import QUANTITIES, is_temperature, plain_name, time_unit
 from strainfmu.text_cells import DateOrder
 from strainfmu.units import RATIO_UNITS, STRAIN_UNITS, TIME_UNITS, VOLTAGE_UNITS
 
@@ -75,8 +75,7 @@ _INHERITED = ("unit", "bridge", "wires", "temperature_compensation", "uniaxial_s
 """Entries that ``[defaults]`` may state for all channels."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Join:
+class Join(NamedTuple):
     """A rule of JOINS, and its limit [s].
 
     The limit applies to the gap between two samples ("linear"), to the time since the last sample ("hold"), or to
@@ -88,49 +87,37 @@ class Join:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ChannelEntry:
-    """One channel of strain.
+class Channel:
+    """A channel of strain, or of the flow.
 
     Attributes
     ----------
-    where : of the file, for messages.
+    where : its entry in the file, for messages.
     name : in the recording.
-    gauge : of the map, or a leg of a rosette.
+    quantity : gauge of the map or leg of a rosette; one of ``QUANTITIES``, ``temperature[k]``, ``sensor.NAME``,
+        ``thrust`` or ``parameter.NAME``.
     unit : of the values, None for the unit of the recording.
-    bridge : see above; ``wires`` is the number of its lead wires.
+    bridge : of strain, see above; ``wires`` is the number of its lead wires.
     compensation : of temperature, of :data:`COMPENSATIONS`, None if not stated.
-    numbers : of ``_NUMBERS``, by the names in the file.
+    numbers : of ``_NUMBERS``, by the names in the file, as far as there are.
     """
-
-    where: str
-    name: str
-    gauge: str
-    unit: str | None
-    bridge: str
-    wires: int
-    compensation: str | None
-    numbers: Mapping[str, float | None]
-
-
-@dataclass(frozen=True, kw_only=True)
-class FlowEntry:
-    """One channel of the flow: one of ``QUANTITIES``, ``temperature[k]``, ``sensor.NAME``, ``thrust`` or
-    ``parameter.NAME``; its unit."""
 
     where: str
     name: str
     quantity: str
     unit: str | None
+    bridge: str = "quarter"
+    wires: int = 0
+    compensation: str | None = None
+    numbers: Mapping[str, float] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Rosette:
-    """Three legs, by the names of their channels, at angles [deg], and the angle of each gauge of the map."""
+class Rosette(NamedTuple):
+    """Three legs by plain names, and their weights (3,) in the strain of each gauge of the map."""
 
     where: str
-    legs: tuple[str, str, str]
-    angles: tuple[float, float, float]
-    gauges: dict[str, float]
+    legs: tuple[str, ...]
+    weights: dict[str, FloatArray]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -145,18 +132,19 @@ class ChannelMap:
     date_order : of day and month in dates of figures, None where it is not stated.
     join : how channels of other rates are brought to one raster.
     raster : channel whose samples are used for the estimates, None for the raster of most gauges.
+    strain, flow : channels.
     """
 
     path: Path
-    time: str | None = None
-    time_unit: str | None = None
-    rate: float | None = None
-    date_order: DateOrder | None = None
-    join: Join = field(default_factory=Join)
-    raster: str | None = None
-    channels: tuple[ChannelEntry, ...] = ()
-    rosettes: tuple[Rosette, ...] = ()
-    flow: tuple[FlowEntry, ...] = ()
+    time: str | None
+    time_unit: str | None
+    rate: float | None
+    date_order: DateOrder | None
+    join: Join
+    raster: str | None
+    strain: tuple[Channel, ...]
+    rosettes: tuple[Rosette, ...]
+    flow: tuple[Channel, ...]
 
 
 def load_channels(path: Path) -> ChannelMap:
@@ -184,9 +172,9 @@ def load_channels(path: Path) -> ChannelMap:
         time_unit=unit,
         rate=_optional(time, "rate_hz", 1e-6, 1e9),
         date_order="day" if order == "day" else "month" if order == "month" else None,
-        join=Join(rule=_option(join, "rule", JOINS) or "linear", limit=_optional(join, "limit_s", 0.0, 1e9)),
+        join=Join(_option(join, "rule", JOINS) or "linear", _optional(join, "limit_s", 0.0, 1e9)),
         raster=join.text("raster", "") if "raster" in join.entries else None,
-        channels=tuple(_channel(item, defaults) for item in items),
+        strain=tuple(_channel(item, defaults) for item in items),
         rosettes=tuple(_rosette(item) for item in rosettes),
         flow=tuple(_flow(item) for item in root.tables("flow")),
     )
@@ -209,8 +197,8 @@ def _optional(table: TomlTable, key: str, low: float, high: float) -> float | No
     return table.number(key, None, low, high) if key in table.entries else None
 
 
-def _channel(item: TomlTable, defaults: TomlTable) -> ChannelEntry:
-    """Read one channel; what it does not state comes from the defaults."""
+def _channel(item: TomlTable, defaults: TomlTable) -> Channel:
+    """Read one channel of strain; what it does not state comes from the defaults."""
     stated = set(item.entries)
     item.entries = {**defaults.entries, **item.entries}
     unit, bridge = _option(item, "unit", SIGNAL_UNITS), _option(item, "bridge", (*_CHANGE, *_BENDING)) or "quarter"
@@ -225,52 +213,50 @@ def _channel(item: TomlTable, defaults: TomlTable) -> ChannelEntry:
         for key, (default, low, high) in _NUMBERS.items()
         if default is not None or key in item.entries
     }
-    entry = ChannelEntry(
+    channel = Channel(
         where=item.name,
         name=item.text("name"),
-        gauge=item.text("gauge"),
+        quantity=item.text("gauge"),
         unit=unit,
         bridge=bridge,
         wires=item.whole("wires", _WIRES[bridge][-1], 6),
         compensation=_option(item, "temperature_compensation", COMPENSATIONS),
-        numbers={**dict.fromkeys(_NUMBERS), **numbers},
+        numbers=numbers,
     )
     is_uniaxial = item.entries.pop("uniaxial_stress", False)
-    _check(item, entry, stated=stated, is_uniaxial=is_uniaxial)
-    item.finish()
-    return entry
-
-
-def _check(item: TomlTable, entry: ChannelEntry, stated: Collection[str], is_uniaxial: object) -> None:
-    """Refuse entries that are against each other."""
-    numbers = entry.numbers
     if numbers["sign"] not in (1.0, -1.0):
         raise item.fault("sign", f"expected 1 or -1, got {numbers['sign']:g}")
-    if entry.wires not in _WIRES[entry.bridge]:
-        allowed = " or ".join(str(n) for n in _WIRES[entry.bridge])
-        raise item.fault("wires", f"expected {allowed} with bridge '{entry.bridge}', got {entry.wires}")
+    if channel.wires not in _WIRES[bridge]:
+        allowed = " or ".join(str(n) for n in _WIRES[bridge])
+        raise item.fault("wires", f"expected {allowed} with bridge '{bridge}', got {channel.wires}")
     if numbers["lead_resistance_ohm"] and not numbers["gauge_resistance_ohm"]:
         raise item.fault("gauge_resistance_ohm", "entry is missing, lead_resistance_ohm needs it")
     if not isinstance(is_uniaxial, bool):
         raise item.fault("uniaxial_stress", f"expected true or false, got {is_uniaxial!r}")
-    if entry.bridge in _POISSON and not is_uniaxial:
+    if bridge in _POISSON and not is_uniaxial:
         raise item.fault(
             "bridge",
-            f"'{entry.bridge}' adds the strain across: expected uniaxial_stress = true where that is -nu times "
-            "the strain along, or a channel for each direction",
+            f"'{bridge}' adds the strain across: expected uniaxial_stress = true where that is -nu times the "
+            "strain along, or a channel for each direction",
         )
-    if entry.compensation == "bridge" and entry.bridge == "quarter":
+    if channel.compensation == "bridge" and bridge == "quarter":
         raise item.fault("temperature_compensation", "'bridge': expected a half or full bridge, got 'quarter'")
-    if entry.unit in STRAIN_UNITS:
-        if "gauge_factor" in stated and numbers["recorder_gauge_factor"] is None:
-            raise item.fault("recorder_gauge_factor", f"entry is missing, gauge_factor with {entry.unit} needs it")
+    if unit in STRAIN_UNITS:
+        if "gauge_factor" in stated and "recorder_gauge_factor" not in numbers:
+            raise item.fault("recorder_gauge_factor", f"entry is missing, gauge_factor with {unit} needs it")
         for key in ("excitation_V", "scale_um_per_m_per_V"):
             if key in stated:
-                raise item.fault(key, f"expected none with unit {entry.unit}")
+                raise item.fault(key, f"expected none with unit {unit}")
+    item.finish()
+    return channel
 
 
 def _rosette(item: TomlTable) -> Rosette:
-    """Read a rosette."""
+    """Read a rosette.
+
+    Plane strain: e(t) = (e_x + e_y)/2 + (e_x - e_y)/2 cos 2t + g_xy/2 sin 2t. A gauge at
+    a leg's angle is that leg.
+    """
     legs = item.entries.pop("legs", None)
     angles = item.entries.pop("angles_deg", None)
     gauges = item.table("gauges_deg")
@@ -283,29 +269,36 @@ def _rosette(item: TomlTable) -> Rosette:
     if not stated:
         raise item.fault("gauges_deg", "expected at least one gauge of the map and its angle")
     item.finish()
-    first, middle, last = (float(angle) for angle in angles)
-    return Rosette(where=item.name, legs=(legs[0], legs[1], legs[2]), angles=(first, middle, last), gauges=stated)
+    weights = np.linalg.solve(_plane(angles).T, _plane([*stated.values()]).T).T
+    weights[np.abs(weights) < 1e-12] = 0.0
+    return Rosette(item.name, tuple(map(plain_name, legs)), dict(zip(stated, weights, strict=True)))
 
 
-def _flow(item: TomlTable) -> FlowEntry:
+def _plane(degrees: Sequence[float]) -> FloatArray:
+    """Return (n, 3) rows 1, cos 2t, sin 2t at n angles [deg]."""
+    angle = np.radians(np.array(degrees, dtype=float))
+    return np.column_stack([np.ones(len(angle)), np.cos(2.0 * angle), np.sin(2.0 * angle)])
+
+
+def _flow(item: TomlTable) -> Channel:
     """Read a channel of the flow."""
     stated = item.entries.get("quantity")
-    is_own = isinstance(stated, str) and (
+    is_free = isinstance(stated, str) and (
         is_temperature(stated) or stated.startswith((PREFIX, SENSOR_PREFIX)) or stated == THRUST
     )
-    entry = FlowEntry(
+    channel = Channel(
         where=item.name,
         name=item.text("name"),
-        quantity=item.text("quantity") if is_own else _option(item, "quantity", QUANTITIES) or "",
+        quantity=item.text("quantity") if is_free else _option(item, "quantity", QUANTITIES) or "",
         unit=item.text("unit") if "unit" in item.entries else None,
     )
-    if not entry.quantity:
+    if not channel.quantity:
         raise item.fault("quantity", "entry is missing")
     item.finish()
-    return entry
+    return channel
 
 
-def unit_of_channel(path: Path, entry: ChannelEntry, recorded: str | None) -> str:
+def unit_of_channel(path: Path, channel: Channel, recorded: str | None) -> str:
     """Return the unit of a channel's values: the stated one, else the recording's.
 
     Raises
@@ -313,16 +306,14 @@ def unit_of_channel(path: Path, entry: ChannelEntry, recorded: str | None) -> st
     InputError
         Neither is there, or the recording's is unknown.
     """
-    if entry.unit is not None:
-        return entry.unit
-    for unit in (recorded, (recorded or "").casefold()):
-        if unit in SIGNAL_UNITS:
-            return str(unit)
-    says = f"the recording says '{recorded}'" if recorded else "the recording states none"
-    raise InputError(
-        f"{path}: {entry.where}.unit: entry is missing for channel '{entry.name}', {says}; "
-        f"expected one of {', '.join(SIGNAL_UNITS)}"
-    )
+    unit = next((unit for unit in (recorded, (recorded or "").casefold()) if unit in SIGNAL_UNITS), None)
+    if channel.unit is None and unit is None:
+        says = f"the recording says '{recorded}'" if recorded else "the recording states none"
+        raise InputError(
+            f"{path}: {channel.where}.unit: entry is missing for channel '{channel.name}', {says}; "
+            f"expected one of {', '.join(SIGNAL_UNITS)}"
+        )
+    return channel.unit or str(unit)
 
 
 def differs(unit: str, recorded: str | None) -> bool:
@@ -333,7 +324,7 @@ def differs(unit: str, recorded: str | None) -> bool:
     return not same_kind or SIGNAL_UNITS[unit] != SIGNAL_UNITS[str(recorded)]
 
 
-def strain_conversion(path: Path, entry: ChannelEntry, unit: str) -> Callable[[FloatArray], FloatArray]:
+def strain_conversion(path: Path, channel: Channel, unit: str) -> Callable[[FloatArray], FloatArray]:
     """Return what makes strain (n,) [m/m] of the values (n,) of a channel in ``unit``.
 
     Raises
@@ -341,36 +332,31 @@ def strain_conversion(path: Path, entry: ChannelEntry, unit: str) -> Callable[[F
     InputError
         An entry is missing that the unit needs; ``path`` is the file of the entries.
     """
+    where, numbers = f"{path}: {channel.where}", channel.numbers
 
     def needed(key: str, by: str) -> float:
-        value = entry.numbers[key]
-        if value is None:
-            raise InputError(f"{where}.{key}: entry is missing, {by}, channel '{entry.name}'")
-        return value
+        if key not in numbers:
+            raise InputError(f"{where}.{key}: entry is missing, {by}, channel '{channel.name}'")
+        return numbers[key]
 
-    def number(key: str) -> float:
-        return entry.numbers[key] or 0.0
-
-    where, factor, sign = f"{path}: {entry.where}", SIGNAL_UNITS[unit], number("sign")
-    zero, lead = number(ZERO), number("lead_resistance_ohm")
-    leads = lead_factor(entry.wires, lead, number("gauge_resistance_ohm")) if lead else 1.0
-    is_scaled = unit in VOLTAGE_UNITS and entry.numbers["scale_um_per_m_per_V"] is not None
-    if is_scaled and lead:
-        text = "lead_resistance_ohm: expected none with scale_um_per_m_per_V"
-        raise InputError(f"{where}.{text}, channel '{entry.name}'")
-    if is_scaled:
-        scale = sign * 1e-6 * number("scale_um_per_m_per_V")
+    factor, sign, zero = SIGNAL_UNITS[unit], numbers["sign"], numbers[ZERO]
+    lead, nu = numbers["lead_resistance_ohm"], numbers["poisson_ratio"]
+    leads = lead_factor(channel.wires, lead, numbers["gauge_resistance_ohm"]) if lead else 1.0
+    if unit in VOLTAGE_UNITS and (scale := numbers.get("scale_um_per_m_per_V")) is not None:
+        if lead:
+            text = "lead_resistance_ohm: expected none with scale_um_per_m_per_V"
+            raise InputError(f"{where}.{text}, channel '{channel.name}'")
+        scale *= sign * 1e-6
         return lambda values: scale * ((values - zero) * factor)
     if unit in STRAIN_UNITS:
-        recorder = entry.numbers["recorder_gauge_factor"]
+        recorder = numbers.get("recorder_gauge_factor")
         ratio = 1.0 if recorder is None else recorder / needed("gauge_factor", "recorder_gauge_factor needs it")
         return lambda values: sign * ((values - zero) * factor * ratio * leads)
     gauge_factor, excitation = needed("gauge_factor", f"unit {unit} needs it"), 1.0
     if unit in VOLTAGE_UNITS:
-        excitation = number("gain") * needed("excitation_V", f"unit {unit} needs it or scale_um_per_m_per_V")
-    nu = number("poisson_ratio")
+        excitation = needed("excitation_V", f"unit {unit} needs it or scale_um_per_m_per_V") * numbers["gain"]
     return lambda values: (
-        sign * leads * bridge_strain((values - zero) * factor / excitation, entry.bridge, gauge_factor, nu)
+        sign * leads * bridge_strain((values - zero) * factor / excitation, channel.bridge, gauge_factor, nu)
     )
 
 
@@ -391,21 +377,3 @@ def lead_factor(wires: int, lead_resistance: float, gauge_resistance: float) -> 
     gauge_resistance : R_G [ohm].
     """
     return 1.0 + _LEADS[wires] * lead_resistance / gauge_resistance
-
-
-def rosette_weights(rosette: Rosette) -> dict[str, FloatArray]:
-    """Return (3,) weights of the legs' strains for each gauge of a rosette.
-
-    Plane strain: e(t) = (e_x + e_y)/2 + (e_x - e_y)/2 cos 2t + g_xy/2 sin 2t. A gauge at
-    a leg's angle is that leg.
-    """
-    legs = _plane(np.radians(rosette.angles))
-    angles = np.radians(list(rosette.gauges.values()))
-    weights = np.linalg.solve(legs.T, _plane(angles).T).T
-    weights[np.abs(weights) < 1e-12] = 0.0
-    return dict(zip(rosette.gauges, weights, strict=True))
-
-
-def _plane(angle: FloatArray) -> FloatArray:
-    """Return (n, 3) rows 1, cos 2t, sin 2t at angles (n,) [rad]."""
-    return np.column_stack([np.ones(len(angle)), np.cos(2.0 * angle), np.sin(2.0 * angle)])

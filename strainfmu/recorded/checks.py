@@ -20,7 +20,7 @@ from strainfmu.estimator.signal_names import ZERO
 from strainfmu.recorded.names import some_of
 from strainfmu.recorded.samples import Samples
 from strainfmu.recorded.selection import Selection, flown_pressure
-from strainfmu.recorded.strain_level import TOO_HIGH, LevelCheck, LevelReference
+from strainfmu.recorded.strain_level import TOO_HIGH, LevelCheck
 
 HELD = "held"
 """Fault of a whole row, as :data:`ZERO` is one, in the output; of single gauges it names these."""
@@ -137,7 +137,6 @@ class DataChecks:
     Parameters
     ----------
     selection : what is read of the file.
-    reference : strains that the estimator expects.
     zero : (n_d,) or one zero that it subtracts [m/m].
     accepts_level, accepts_held : whether strains of another level, and rows that do not change, are estimated.
     leaves_out_dead : whether readings of gauges that repeat themselves are taken out.
@@ -150,14 +149,15 @@ class DataChecks:
     def __init__(
         self,
         selection: Selection,
-        reference: LevelReference,
         *,
         zero: FloatArray | float = 0.0,
         accepts_level: bool = False,
         accepts_held: bool = False,
         leaves_out_dead: bool = False,
     ) -> None:
-        self._selection, self._names, self._reference = selection, selection.wanted.gauge_names, reference
+        assert selection.wanted.reference is not None, "an estimator states it"
+        self._selection, self._names = selection, selection.wanted.gauge_names
+        self._reference = reference = selection.wanted.reference
         self._zero, self._largest_zero = zero, float(np.max(np.abs(zero), initial=0.0))
         self._accepts_held, self._leaves_out_dead = accepts_held, leaves_out_dead
         self._resolution, self._longest = inf, np.full(len(self._names), 1.0)
@@ -215,7 +215,7 @@ class DataChecks:
                 f"{'left out there by --exclude auto' if self._leaves_out_dead else way}"
             )
         slow = {name: known for name, known in self._known.items() if 1 < known < _SLOW * self._rows}
-        if slow and self._selection.join is None:
+        if slow and self._selection.channel_map is None:
             shown = some_of([f"{name} ({known})" for name, known in slow.items()])
             notes.append(
                 f"values in few of {self._rows} rows: {shown}; the others have none. --channels channels.toml "

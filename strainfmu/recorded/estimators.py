@@ -7,12 +7,11 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
 from itertools import chain, pairwise
 from math import isfinite
 from pathlib import Path
 from types import MappingProxyType, SimpleNamespace
-from typing import Any, TypeVar, cast
+from typing import Any, NamedTuple, TypeVar, cast
 
 import numpy as np
 
@@ -60,12 +59,12 @@ from strainfmu.interface.input_names import given_flow
 from strainfmu.interface.parameter_variables import OUTSIDE_PREFIX, PREFIX, STD_PREFIX
 from strainfmu.interface.sensor_variables import PREFIX as SENSOR_PREFIX
 from strainfmu.interface.sensor_variables import THRUST, reading_units
-from strainfmu.recorded.names import FLOW_NAMES, QUANTITIES, temperature_quantities
+from strainfmu.recorded.names import FLOW_NAMES, QUANTITIES, Wanted
 from strainfmu.recorded.outputs import (
     AIR_DATA,
     COEFFICIENT_COLUMNS,
     ENVELOPE_SCORE_LIMIT,
-    HEALTH,
+    HEALTH_COLUMNS,
     IDENTIFIED,
     LOAD_COLUMNS,
     RESIDUAL,
@@ -87,8 +86,7 @@ _MISFIT = (HealthState.INCONSISTENT, HealthState.SUSPECT)
 """States by gauges that are missing, and by gauges that do not fit."""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class BlockEstimates:
+class BlockEstimates(NamedTuple):
     """Estimates of n samples; NaN where there is none.
 
     Attributes
@@ -106,7 +104,7 @@ class BlockEstimates:
     suspects: Sequence[tuple[int, ...]]
     worst: IntArray
     worst_residual: FloatArray
-    blamed: Mapping[str, BoolArray] = field(default_factory=dict)
+    blamed: Mapping[str, BoolArray]
     estimates: Estimate | None = None
 
 
@@ -126,32 +124,58 @@ class BlockEstimator(ABC):
 
     Attributes
     ----------
+    wanted : what it takes of a recording.
     inputs : quantities other than strain and q_inf that it takes.
-    reference : the level of strains that it expects.
+    parameters, sharpening : flow parameters that it takes, and those whose standard deviation it takes.
     zero : (n_d,) zero offsets that it subtracts from strain [m/m].
-    envelope_score_limit : score above which the coefficients are outside, NaN where it is not known.
+    row_names : strain gauges, then auxiliary sensors.
     other_columns : names and units of its own columns of the output.
-    inverse_map : the map, None of an FMU.
     attributes : what the output says of a filter: its time constant [s], smoothed or not.
-    gauge_names, row_names : strain gauges; the same, then auxiliary sensors.
-    readings : unit of each auxiliary sensor, and of thrust, by its name.
-    sensor_names : temperature sensors that it takes.
-    parameter_names : flow parameters that it takes; ``sharpening`` are those whose standard deviation it takes.
+    inverse_map : the map, None of an FMU.
     """
 
-    gauge_names: tuple[str, ...]
-    row_names: tuple[str, ...]
-    readings: Mapping[str, str]
-    sensor_names: tuple[str, ...]
-    parameter_names: tuple[str, ...]
-    sharpening: tuple[str, ...]
-    other_columns: tuple[Column, ...]
+    wanted: Wanted
     inputs: tuple[str, ...]
-    reference: LevelReference
+    parameters: tuple[str, ...]
+    sharpening: tuple[str, ...]
     zero: FloatArray
-    envelope_score_limit = float("nan")
-    inverse_map: InverseMap | None = None
+    row_names: tuple[str, ...]
+    other_columns: tuple[Column, ...]
     attributes: Mapping[str, float] = MappingProxyType({})
+    inverse_map: InverseMap | None = None
+
+    def _want(
+        self,
+        gauge_names: tuple[str, ...],
+        units: Mapping[str, str],
+        sensors: tuple[str, ...],
+        reference: LevelReference,
+    ) -> None:
+        """State what is wanted of a recording; ``units`` of auxiliary sensors and of thrust by names of inputs."""
+        readings, navigates = recorded_readings(units), STATIC_PRESSURE in self.inputs
+        flow = (
+            *FLOW_NAMES,
+            *(NAVIGATION_INPUTS if navigates else (STATIC_PRESSURE,)),
+            *(name for name in INERTIAL_NAMES if name in self.inputs),
+            *self.parameters,
+            *(f"{name}{STD}" for name in self.sharpening),
+            *readings,
+        )
+        of_nonlinear = (*NAVIGATION_INPUTS, *(f"{name}{STD}" for name in self.parameters))
+        self.row_names = (*gauge_names, *(name for name in readings if name != THRUST))
+        self.wanted = Wanted(
+            gauge_names=gauge_names,
+            flow=flow,
+            passed=(
+                *(name for name in of_nonlinear if name not in flow and name.endswith(STD)),
+                *(name for name in INERTIAL_NAMES if name not in flow),
+            ),
+            readings=readings,
+            computes_pressure=True,
+            navigates=navigates,
+            reference=reference,
+            sensors=sensors,
+        )
 
     @abstractmethod
     def estimate(self, block: Samples, last: float) -> BlockEstimates:
@@ -179,9 +203,13 @@ class BlockEstimator(ABC):
             yield from (future.result() for future in before)
 
     def _blamed(
-        self, block: Samples, estimates: BlockEstimates, valid: BoolArray, **inputs: Any
-    ) -> BlockEstimates:
-        """Return ``estimates`` with what is to blame where health is not OK.
+        self,
+        block: Samples,
+        values: Mapping[str, FloatArray],
+        gauges: BoolArray,
+        contradicted: Mapping[str, BoolArray] = MappingProxyType({}),
+    ) -> dict[str, BoolArray]:
+        """Return (n,) whether a gauge or an input is to blame where health is not OK, by name.
 
         Gauges are to blame where they are missing, or do not fit: suspects, else the one of the largest residual.
         So is an input that contradicts the loads of INCONSISTENT samples, a quantity of navigation that is left
@@ -189,26 +217,29 @@ class BlockEstimator(ABC):
 
         Parameters
         ----------
-        valid : (n, n_d) gauges that gave a usable reading.
-        inputs : (n,) whether an input contradicts the loads, by its name.
+        gauges : (n, n_d) gauges to blame.
+        contradicted : (n,) whether an input contradicts the loads, by its name.
         """
-        health = estimates.values[STATE]
-        if (health == HealthState.OK).all():
-            return estimates
-        gauges = ~valid & np.isin(health, _MISSING)[:, None]
-        gauges[gauges.all(axis=1)] = False  # where all are missing, none of them is to blame
-        for row in np.flatnonzero(np.isin(health, _MISFIT)).tolist():
-            worst = int(estimates.worst[row])
-            gauges[row, list(estimates.suspects[row] or ((worst,) if worst >= 0 else ()))] = True
-        scores = {name: estimates.values[f"{OUTSIDE_PREFIX}{name}"] for name in self.parameter_names}
-        dropped = dropped_navigation(block, estimates.values)
+        health = values[STATE]
+        scores = {name: values[f"{OUTSIDE_PREFIX}{name}"] for name in self.parameters}
+        dropped = dropped_navigation(block, values)
         blamed = {
-            **{name: of & (health == HealthState.INCONSISTENT) for name, of in inputs.items()},
+            **{name: rows & (health == HealthState.INCONSISTENT) for name, rows in contradicted.items()},
             **dict(zip(self.row_names, gauges.T, strict=True)),
-            **{name: of & (health == HealthState.DEGRADED) for name, of in dropped.items()},
-            **{name: (of > PARAMETER_TOLERANCE) & (health == HealthState.OUTSIDE) for name, of in scores.items()},
+            **{name: rows & (health == HealthState.DEGRADED) for name, rows in dropped.items()},
+            **{
+                name: (score > PARAMETER_TOLERANCE) & (health == HealthState.OUTSIDE)
+                for name, score in scores.items()
+            },
         }
-        return replace(estimates, blamed={name: of for name, of in blamed.items() if of.any()})
+        return {name: rows for name, rows in blamed.items() if rows.any()}
+
+
+def _missing(valid: BoolArray, health: FloatArray) -> BoolArray:
+    """Return (n, n_d) gauges without a usable reading where health is by that; where all are none is to blame."""
+    gauges = ~valid & np.isin(health, _MISSING)[:, None]
+    gauges[gauges.all(axis=1)] = False
+    return gauges
 
 
 @contextmanager
@@ -298,36 +329,31 @@ class MapBlocks(BlockEstimator):
     """
 
     def __init__(self, estimator: Estimator, residuals: bool = False, smooth: bool = False) -> None:
-        self.estimator, self._map = estimator, estimator.inverse_map
+        self.estimator, self._map, self._smooths = estimator, estimator.inverse_map, smooth
         self.inverse_map = inverse_map = self._map
-        manifold = inverse_map.manifold
+        manifold, n = inverse_map.manifold, inverse_map.n_strain_gauges
         self.inputs = (
             *FLOW_NAMES[1:],
             *(NAVIGATION_INPUTS if estimator.is_nonlinear else ()),
             *(INERTIAL_NAMES if inverse_map.has_masses else ()),
         )
-        self.envelope_score_limit = inverse_map.outside_score
-        self.parameter_names = estimator.parameters.names
-        sharpens = manifold is not None and manifold.parameters is not None
-        self.sharpening = self.parameter_names if sharpens else ()
+        self.parameters = estimator.parameters.names
+        self.sharpening = self.parameters if manifold is not None and manifold.parameters is not None else ()
         self._series = _series(estimator, residuals)
-        self.other_columns = tuple(column for columns, _ in self._series[2:] for column in columns)
-        self.row_names = inverse_map.gauge_names
-        self.gauge_names = self.row_names[: inverse_map.n_strain_gauges]
-        self.readings = recorded_readings(reading_units(inverse_map))
-        self.sensor_names = inverse_map.thermal.sensor_names
+        self.other_columns = tuple(column for columns, _ in self._series[3:] for column in columns)
+        self.zero = estimator.zeros.value
+        if estimator.filter_time_constant:
+            self.attributes = {FILTER_TIME_CONSTANT: estimator.filter_time_constant, "smoothed": smooth}
         low, high = inverse_map.dynamic_pressure_range.tolist()
-        self.reference = LevelReference(
-            strain_range=inverse_map.strain_range[: inverse_map.n_strain_gauges],
-            noise_std=inverse_map.noise_std[: inverse_map.n_strain_gauges],
+        reference = LevelReference(
+            strain_range=inverse_map.strain_range[:n],
+            noise_std=inverse_map.noise_std[:n],
             dynamic_pressure=inverse_map.nominal_dynamic_pressure,
             sensor_range=default_settings(inverse_map).sensor_range,
             pressure_range=(low, high) if isfinite(high) else None,
         )
-        self.zero = estimator.zeros.value
-        if estimator.filter_time_constant:
-            self.attributes = {FILTER_TIME_CONSTANT: estimator.filter_time_constant, "smoothed": smooth}
-        self._smooths = smooth
+        sensors = inverse_map.thermal.sensor_names
+        self._want(tuple(inverse_map.gauge_names[:n]), reading_units(inverse_map), sensors, reference)
 
     def estimate(self, block: Samples, last: float) -> BlockEstimates:
         return self._block_estimates(block, self.estimates(block))
@@ -351,14 +377,28 @@ class MapBlocks(BlockEstimator):
             yield block, self._block_estimates(block, samples[1], loads)
 
     def _block_estimates(self, block: Samples, estimate: Estimate, smoothed_loads: Any = None) -> BlockEstimates:
-        """Return the estimates of a block as such, with ``smoothed_loads`` and air data or its own."""
-        n = len(estimate)
-        values = {name: np.asarray(of_health(estimate), dtype=float) for name, of_health in HEALTH.items()}
-        values[ENVELOPE_SCORE_LIMIT] = np.full(n, self.envelope_score_limit)
+        """Return the estimates of a block as such, with ``smoothed_loads`` and air data or its own.
+
+        Gauges are looked at in the samples alone whose health is not OK, with which they take twice the time.
+        """
+        n, values = len(estimate), dict[str, FloatArray]()
         for columns, values_of in self._series:
             table = np.asarray(values_of(estimate, smoothed_loads or estimate), dtype=float).reshape(n, -1)
-            values |= {name: of_column for (name, _), of_column in zip(columns, table.T, strict=True)}
-        valid, suspects, worst, size = self._questioned(estimate)
+            values |= {name: series for (name, _), series in zip(columns, table.T, strict=True)}
+        estimates = None if smoothed_loads is not None else estimate
+        rows = np.flatnonzero(estimate.health != HealthState.OK)
+        suspects: list[tuple[int, ...]] = [()] * n
+        worst, size = np.full(n, -1), np.full(n, np.nan)
+        if not len(rows):
+            return BlockEstimates(values, suspects, worst, size, {}, estimates)
+        part, gauges = estimate[rows], np.zeros((n, len(self.row_names)), dtype=bool)
+        gauges[rows] = _missing(part.valid, part.health)
+        residual = np.abs(part.standardised_residual)
+        worst[rows], size[rows] = np.argmax(residual, axis=1), np.max(residual, axis=1)
+        for row, of_row, health in zip(rows.tolist(), part.suspects, part.health.tolist(), strict=True):
+            suspects[row] = of_row
+            if health in _MISFIT:
+                gauges[row, list(of_row or (int(worst[row]),))] = True
         contradicted = contradicted_forces(
             self._map.inertia,
             block.values([*LATERAL_FORCES]),
@@ -366,29 +406,8 @@ class MapBlocks(BlockEstimator):
             estimate.loads_std,
             self.estimator.settings.alarm_scale * chi_square_limit(1),
         )
-        estimates = None if smoothed_loads is not None else estimate
-        made = BlockEstimates(
-            values=values, suspects=suspects, worst=worst, worst_residual=size, estimates=estimates
-        )
-        return self._blamed(block, made, valid, **contradicted)
-
-    def _questioned(self, estimate: Estimate) -> tuple[BoolArray, list[tuple[int, ...]], IntArray, FloatArray]:
-        """Return valid gauges (n, n_d), n tuples of suspects, worst gauges (n,) and their |z| of a block.
-
-        They are made of the samples alone whose health is not OK, with which they take twice the time.
-        """
-        rows = np.flatnonzero(estimate.health != HealthState.OK)
-        valid = np.ones((len(estimate), len(self.row_names)), dtype=bool)
-        suspects: list[tuple[int, ...]] = [()] * len(estimate)
-        worst, size = np.full(len(estimate), -1), np.full(len(estimate), np.nan)
-        if len(rows):
-            part = estimate[rows]
-            valid[rows] = part.valid
-            for row, of_row in zip(rows.tolist(), part.suspects, strict=True):
-                suspects[row] = of_row
-            residual = np.abs(part.standardised_residual)
-            worst[rows], size[rows] = np.argmax(residual, axis=1), np.max(residual, axis=1)
-        return valid, suspects, worst, size
+        blamed = self._blamed(block, values, gauges, contradicted)
+        return BlockEstimates(values, suspects, worst, size, blamed, estimates)
 
     def unfiltered(self, block: Samples) -> Estimate:
         """Return the estimates of a block without a filter."""
@@ -396,16 +415,15 @@ class MapBlocks(BlockEstimator):
 
     def estimates(self, block: Samples) -> Estimate:
         """Return the estimates of a block; thrust that the recording does not hold is 0."""
-        flow, names = block.flow, self.parameter_names
+        flow, readings = block.flow, block.strain
         thrust = flow.get(THRUST, np.zeros(len(block.time)))
-        readings = block.strain
-        if len(self.row_names) > len(self.gauge_names):
-            readings = np.hstack([block.strain, _all_readings(block, self.readings)])
+        if len(self.row_names) > self._map.n_strain_gauges:
+            readings = np.hstack([block.strain, _all_readings(block, self.wanted.readings)])
         sharpening = {name: flow[f"{name}{STD}"] for name in self.sharpening if f"{name}{STD}" in flow}
         arguments: dict[str, Any] = {
             DYNAMIC_PRESSURE: block.dynamic_pressure,
-            TEMPERATURE: _temperature(block, self.sensor_names),
-            "parameters": {name: flow[name] for name in names if name in flow},
+            TEMPERATURE: _temperature(block, self.wanted),
+            "parameters": {name: flow[name] for name in self.parameters if name in flow},
             "parameters_std": given_flow(sharpening) if self.sharpening else None,
             **given_flow({name: flow[name] for name in QUANTITIES[1:] if name in flow}),
         }
@@ -421,55 +439,51 @@ class FmuBlocks(BlockEstimator):
 
     def __init__(self, step: FmuStep, others: Mapping[str, Column]) -> None:
         self._step, self._others = step, others
-        self.other_columns = tuple(others.values())
-        self.gauge_names, self.sensor_names = step.gauge_names, step.sensor_names
-        self.readings = recorded_readings(step.reading_units)
-        self.row_names = (*step.gauge_names, *(name for name in self.readings if name != THRUST))
-        self.inputs = step.other_inputs
-        given = (name for name in step.other_inputs if name.startswith(PREFIX))
-        self.parameter_names = tuple(name.removeprefix(PREFIX) for name in given)
-        self.sharpening = tuple(name for name in self.parameter_names if f"{STD_PREFIX}{name}" in self.inputs)
-        self._columns = {
-            **{name: name for name in QUANTITIES[1:] if name in self.inputs},
-            **{f"{PREFIX}{name}": name for name in self.parameter_names},
-            **{f"{STD_PREFIX}{name}": f"{name}{STD}" for name in self.sharpening},
-            **dict(zip(step.reading_units, self.readings, strict=True)),
-        }
-        self.reference = LevelReference(
+        self.other_columns, self.inputs, self.zero = tuple(others.values()), step.other_inputs, step.zero_offset
+        parameters = (name for name in step.other_inputs if name.startswith(PREFIX))
+        self.parameters = tuple(name.removeprefix(PREFIX) for name in parameters)
+        self.sharpening = tuple(name for name in self.parameters if f"{STD_PREFIX}{name}" in self.inputs)
+        reference = LevelReference(
             strain_range=step.strain_nominal,
             noise_std=np.zeros(step.n_gauges) if step.noise_std is None else step.noise_std,
             dynamic_pressure=step.pressure_nominal,
             sensor_range=step.sensor_range,
         )
-        self.zero = step.zero_offset
+        self._want(step.gauge_names, step.reading_units, step.sensor_names, reference)
+        self._columns = {
+            **{name: name for name in QUANTITIES[1:] if name in self.inputs},
+            **{f"{PREFIX}{name}": name for name in self.parameters},
+            **{f"{STD_PREFIX}{name}": f"{name}{STD}" for name in self.sharpening},
+            **dict(zip(step.reading_units, self.wanted.readings, strict=True)),
+        }
 
     def estimate(self, block: Samples, last: float) -> BlockEstimates:
-        own = (*(name for name, _ in COEFFICIENT_COLUMNS), CHI_SQUARE, STATE)
+        first = (*(name for name, _ in COEFFICIENT_COLUMNS), CHI_SQUARE, STATE)
         loads = tuple(name for name, _ in LOAD_COLUMNS)
         asked, n = (*loads, *_FMU_HEALTH, *self._others), len(block.time)
-        table, unknown = np.full((n, len(own) + len(asked)), np.nan), np.full(n, np.nan)
-        given = {
+        table, unknown = np.full((n, len(first) + len(asked)), np.nan), np.full(n, np.nan)
+        inputs = {
             name: block.flow[column].tolist() for name, column in self._columns.items() if column in block.flow
         }
-        if (temperature := _temperature(block, self.sensor_names)) is not None:
-            given |= {f"{TEMPERATURE}[{i}]": values.tolist() for i, values in enumerate(temperature.T, start=1)}
+        if (temperature := _temperature(block, self.wanted)) is not None:
+            inputs |= zip(self.wanted.temperatures, temperature.T.tolist(), strict=True)
         # The first sample has no predecessor.
         first_step = float(block.time[1] - block.time[0]) if n > 1 else 1e-3
         step_sizes = np.diff(block.time, prepend=last if np.isfinite(last) else block.time[0] - first_step)
         for i, step_size in enumerate(step_sizes.tolist()):
-            inputs = {name: values[i] for name, values in given.items()}
+            of_sample = {name: values[i] for name, values in inputs.items()}
             try:
-                result = self._step(block.strain[i], float(block.dynamic_pressure[i]), step_size, **inputs)
+                result = self._step(block.strain[i], float(block.dynamic_pressure[i]), step_size, **of_sample)
             except StepRefused:
                 continue
             of_loads = *result.coefficients, *result.coefficients_std, result.chi_square, result.health
             table[i] = *of_loads, *(result.other_outputs.get(name, np.nan) for name in asked)
-        outputs = dict(zip((*own, *asked), table.T, strict=True))
-        has_reading = np.isfinite(_all_readings(block, self.readings))
-        valid = np.hstack([np.abs(block.strain) <= self.reference.sensor_range, has_reading])
+        outputs = dict(zip((*first, *asked), table.T, strict=True))
+        has_reading = np.isfinite(_all_readings(block, self.wanted.readings))
+        valid = np.hstack([np.abs(block.strain) <= self._step.sensor_range, has_reading])
         used, health = outputs[VALID_GAUGES], outputs[STATE]
         values = {
-            **{name: outputs[name] for name in (*loads, *own, CHI_SQUARE_LIMIT, SUSPECTS, ENVELOPE_SCORE)},
+            **{name: outputs[name] for name in (*loads, *first, CHI_SQUARE_LIMIT, SUSPECTS, ENVELOPE_SCORE)},
             "gauges_used": np.where(np.isfinite(used), used, valid.sum(axis=1)),
             "health.degrees_of_freedom": unknown,
             ENVELOPE_SCORE_LIMIT: unknown,
@@ -477,8 +491,10 @@ class FmuBlocks(BlockEstimator):
             **{column: outputs[name] for name, (column, _) in self._others.items()},
         }
         suspects = [(int(gauge) - 1,) if gauge >= 1 else () for gauge in outputs[SUSPECT_GAUGE]]
-        made = BlockEstimates(values=values, suspects=suspects, worst=np.full(n, -1), worst_residual=unknown)
-        return self._blamed(block, made, valid)
+        gauges = _missing(valid, health)
+        for row in np.flatnonzero(np.isin(health, _MISFIT)).tolist():
+            gauges[row, list(suspects[row])] = True
+        return BlockEstimates(values, suspects, np.full(n, -1), unknown, self._blamed(block, values, gauges))
 
 
 def _all_readings(block: Samples, readings: Mapping[str, str]) -> FloatArray:
@@ -487,12 +503,11 @@ def _all_readings(block: Samples, readings: Mapping[str, str]) -> FloatArray:
     return np.column_stack(columns) if columns else np.empty((len(block.time), 0))
 
 
-def _temperature(block: Samples, sensors: Sequence[str]) -> FloatArray | None:
+def _temperature(block: Samples, wanted: Wanted) -> FloatArray | None:
     """Return (n, n_t) what the temperature sensors read [K], NaN where one gives none; None without any."""
-    names = temperature_quantities(sensors)
-    if block.flow.keys().isdisjoint(names):
+    if block.flow.keys().isdisjoint(wanted.temperatures):
         return None
-    return np.column_stack([*block.values(names).values()])
+    return np.column_stack([*block.values([*wanted.temperatures]).values()])
 
 
 # --- smoothing: the filter from both ends ------------------------------------------------------------------------
@@ -591,6 +606,22 @@ def _series(estimator: Estimator, residuals: bool) -> list[Series]:
     series: list[Series] = [
         (LOAD_COLUMNS, lambda _, loads: np.hstack([loads.loads, loads.loads_std])),
         (COEFFICIENT_COLUMNS, lambda _, loads: np.hstack([loads.coefficients, loads.coefficients_std])),
+        (
+            HEALTH_COLUMNS,
+            lambda estimate, _: np.column_stack(
+                [
+                    estimate.chi_square,
+                    estimate.health,
+                    estimate.valid_gauges,
+                    estimate.chi_square_limit,
+                    estimate.degrees_of_freedom,
+                    estimate.suspect_count,
+                    estimate.envelope_score,
+                    np.full(len(estimate), inverse_map.outside_score),
+                    estimate.usable,
+                ]
+            ),
+        ),
     ]
     if estimator.is_nonlinear:
         air = AIR_DATA_NAMES, AIR_DATA_UNITS

@@ -10,6 +10,7 @@ import re
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from difflib import get_close_matches
+from functools import cached_property
 from pathlib import Path
 
 from strainfmu.errors import InputError
@@ -90,7 +91,6 @@ OTHER_NAMES = {
 """Names that recorders give to a quantity, in small letters and digits alone: for suggestions."""
 
 _INDEX = re.compile(r"strain\[([0-9]+)\]")
-_SENSOR_INDEX = re.compile(rf"(?:.*\.)?{TEMPERATURE}\[([0-9]+)\]")
 _UNIT = re.compile(r"(?P<name>.*?)\s*\[(?P<unit>[^\[\]]*)\]")
 _ROUND_UNIT = re.compile(r"(?P<name>.*\S)\s*\((?P<unit>[^()]*[^()0-9])\)")
 _TIME_AND_UNIT = re.compile(r"(?P<name>.+?)(?:_|\s*[/,]\s*|\s+in\s+|\s+)(?P<unit>[^\W\d_]+)")
@@ -100,9 +100,13 @@ _GROUPS = re.compile(r"[/\\.]")
 Scale = tuple[float, float]
 """Factor and offset from a unit to its SI unit."""
 
-_FLOW_UNITS = {
-    quantity.name: (STRAIN_UNITS if quantity.shown in STRAIN_UNITS else UNITS_OF[quantity.unit], quantity.unit)
-    for quantity in SAMPLE_INPUTS
+_UNITS: dict[str, tuple[Mapping[str, float | Scale], str]] = {
+    STRAIN: (STRAIN_UNITS, "1"),
+    TEMPERATURE: (TEMPERATURE_UNITS, "K"),
+    **{
+        quantity.name: (STRAIN_UNITS if quantity.shown in STRAIN_UNITS else UNITS_OF[quantity.unit], quantity.unit)
+        for quantity in SAMPLE_INPUTS
+    },
 }
 """Units of a quantity, and the one that is meant without any."""
 
@@ -142,10 +146,15 @@ class Wanted:
     excluded: tuple[str, ...] = ()
     date_order: DateOrder | None = None
 
+    @cached_property
+    def temperatures(self) -> dict[str, str]:
+        """Name of the sensor of each ``temperature[k]``."""
+        return dict(zip(temperature_quantities(self.sensors), self.sensors, strict=True))
+
     @property
-    def pressure_option(self) -> str:
-        """The option that stands in for a missing q_inf, in words."""
-        return "--dynamic-pressure" + (", nan where it is not known" if self.navigates else "")
+    def quantities(self) -> tuple[str, ...]:
+        """All that is read in addition to time and gauges."""
+        return (*self.flow, *self.temperatures)
 
     @property
     def parameters(self) -> tuple[str, ...]:
@@ -171,8 +180,9 @@ class Wanted:
             return name
         if (quantity := quantity_of(name, self.readings)) in self.flow:
             return None if is_output(name) else quantity
-        if (sensor := sensor_of(name, self.sensors)) is not None:
-            return f"{TEMPERATURE}[{sensor + 1}]"
+        for quantity, sensor in self.temperatures.items():
+            if sensor == name or quantity == last_part(name):
+                return quantity
         number = strain_number(name)
         return self.gauge_names[number - 1] if number and number <= len(self.gauge_names) else None
 
@@ -273,20 +283,15 @@ def scale_of(
     InputError
         There is no such unit.
     """
-    text = (unit or "").strip()
-    if is_temperature(quantity):
-        text = text or "K"
-        if text not in TEMPERATURE_UNITS:
-            raise _no_unit(path, heading, text, TEMPERATURE_UNITS)
-        return TEMPERATURE_UNITS[text]
-    units, default = (STRAIN_UNITS, "1") if quantity == STRAIN else _FLOW_UNITS.get(quantity, (NUMBER_UNITS, "1"))
+    name = TEMPERATURE if is_temperature(quantity) else quantity
+    units, default = _UNITS.get(name, (NUMBER_UNITS, "1"))
     if readings and quantity in readings:
         units, default = READING_UNITS[readings[quantity]], readings[quantity]
-    text = text or default
-    factor = units.get(text, STRAIN_UNITS.get(text.casefold()) if units is STRAIN_UNITS else None)
-    if factor is None:
+    text = (unit or "").strip() or default
+    scale = units.get(text, units.get(text.casefold()) if units is STRAIN_UNITS else None)
+    if scale is None:
         raise _no_unit(path, heading, text, units)
-    return factor, 0.0
+    return scale if isinstance(scale, tuple) else (scale, 0.0)
 
 
 def _no_unit(path: Path, heading: str, unit: str, units: Iterable[str]) -> InputError:
@@ -314,16 +319,7 @@ def strain_number(name: str) -> int | None:
 
 def is_temperature(name: str) -> bool:
     """Return whether a column of this name is ``temperature[k]``, of an instance or not."""
-    return _SENSOR_INDEX.fullmatch(name) is not None
-
-
-def sensor_of(name: str, sensors: Sequence[str]) -> int | None:
-    """Return the index of the temperature sensor of a column: by its name, or ``temperature[k]`` from 1."""
-    if name in sensors:
-        return list(sensors).index(name)
-    match = _SENSOR_INDEX.fullmatch(name)
-    number = 0 if match is None else int(match[1])
-    return number - 1 if 1 <= number <= len(sensors) else None
+    return re.fullmatch(rf"{TEMPERATURE}\[[0-9]+\]", last_part(name)) is not None
 
 
 def temperature_quantities(sensors: Sequence[str]) -> tuple[str, ...]:
@@ -349,7 +345,7 @@ def some_of(names: Sequence[str]) -> str:
 
 
 def matched(path: Path, what: str, name: str, names: Sequence[str]) -> str | None:
-    """Return the one of ``names`` that is ``name``, None if none is.
+    """Return the only one of ``names`` that is ``name``, None if none is.
 
     The same text comes first, then the same but for case and blanks, then that behind the name of a group and a
     slash or dot.
@@ -360,20 +356,19 @@ def matched(path: Path, what: str, name: str, names: Sequence[str]) -> str | Non
         Several names fit equally well.
     """
     small = plain_name(name)
-    for candidates in (
-        [candidate for candidate in names if candidate == name],
-        [candidate for candidate in names if plain_name(candidate) == small],
-        [candidate for candidate in names if small in endings(candidate)],
-    ):
-        if len(candidates) > 1:
-            shown = " and ".join(f"'{candidate}'" for candidate in candidates[:3])
-            raise InputError(
-                f"{path}: {what} '{name}': expected one of that name, got {len(candidates)}: {shown}; a name "
-                "with its group ahead chooses"
-            )
-        if candidates:
-            return candidates[0]
-    return None
+    fits: tuple[Callable[[str], bool], ...] = (
+        lambda candidate: candidate == name,
+        lambda candidate: plain_name(candidate) == small,
+        lambda candidate: small in endings(candidate),
+    )
+    candidates = next(filter(None, ([*filter(fit, names)] for fit in fits)), [])
+    if len(candidates) > 1:
+        shown = " and ".join(f"'{candidate}'" for candidate in candidates[:3])
+        raise InputError(
+            f"{path}: {what} '{name}': expected one of that name, got {len(candidates)}: {shown}; a name with its "
+            "group ahead chooses"
+        )
+    return candidates[0] if candidates else None
 
 
 def nearest(name: str, names: Iterable[str], cutoff: float = 0.65) -> str | None:

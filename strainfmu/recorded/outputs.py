@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import csv
 import os
-from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Generator, Iterable, Mapping, Sequence
+from contextlib import AbstractContextManager, suppress
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,6 @@ import numpy as np
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError, library
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE, SAMPLE_INPUTS
-from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
 from strainfmu.estimator.off_deadline import no_field
@@ -57,21 +56,13 @@ COEFFICIENT_COLUMNS: tuple[Column, ...] = (
 RESIDUAL_LIMIT, RESIDUAL = "health.residual_limit", "residual."
 ENVELOPE_SCORE_LIMIT = "health.envelope_score_limit"
 
-HEALTH: dict[str, Callable[[Estimate], Any]] = {
-    CHI_SQUARE: lambda estimate: estimate.chi_square,
-    STATE: lambda estimate: estimate.health,
-    "gauges_used": lambda estimate: estimate.valid_gauges,
-    CHI_SQUARE_LIMIT: lambda estimate: estimate.chi_square_limit,
-    "health.degrees_of_freedom": lambda estimate: estimate.degrees_of_freedom,
-    SUSPECTS: lambda estimate: estimate.suspect_count,
-    ENVELOPE_SCORE: lambda estimate: estimate.envelope_score,
-    ENVELOPE_SCORE_LIMIT: lambda estimate: np.full(len(estimate), np.nan),
-    USABLE: lambda estimate: estimate.usable,
-}
-"""Of each column of health, what estimates hold."""
-
-HEALTH_COLUMNS: tuple[Column, ...] = tuple((name, "1") for name in HEALTH)
-
+HEALTH_COLUMNS: tuple[Column, ...] = tuple(
+    (name, "1")
+    for name in (
+        *(CHI_SQUARE, STATE, "gauges_used", CHI_SQUARE_LIMIT, "health.degrees_of_freedom", SUSPECTS),
+        *(ENVELOPE_SCORE, ENVELOPE_SCORE_LIMIT, USABLE),
+    )
+)
 
 AIR_DATA, IDENTIFIED, USED = "air_data.", "identified.air_data.", "navigation_used."
 """Beginnings of columns; of the last ones, which say whether a quantity of navigation is used."""
@@ -163,13 +154,40 @@ def other_outputs_of(outputs: Iterable[tuple[str, str]]) -> dict[str, Column]:
 
 # --- files -------------------------------------------------------------------------------------------------------
 
-Container = Generator[None, list[Any] | None, None]
-"""A file that takes the values of each column, then the texts of each text column, and ends with None."""
+Parts = Generator[None, Any, None]
+"""A file that takes parts and ends with None; of estimates a part is the values of each column, then texts."""
 
 
-def _csv(
-    temporary: Path, columns: Sequence[Column], texts: Sequence[str], attributes: Mapping[str, Any]
-) -> Container:
+class PartsWriter:
+    """Writes parts to a file; ``path`` is the file that messages name."""
+
+    def __init__(self, path: Path, parts: Parts) -> None:
+        self.path, self._parts = path, parts
+        next(parts)
+
+    def write(self, part: Any) -> None:
+        """Append a part.
+
+        Raises
+        ------
+        StrainfmuError
+            The file cannot be written.
+        """
+        with writing(self.path):
+            self._parts.send(part)
+
+    def finish(self) -> None:
+        """Write what is missing and bring all to the disk; raises OSError if it cannot."""
+        with suppress(StopIteration):
+            self._parts.send(None)
+
+    def close(self) -> None:
+        """Close the file, in order or not."""
+        with suppress(OSError):  # what is missing does not fit either: finish() has raised, or never came
+            self._parts.close()
+
+
+def _csv(temporary: Path, columns: Sequence[Column], texts: Sequence[str], attributes: Mapping[str, Any]) -> Parts:
     with temporary.open("w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow([*(f"{name} [{unit}]" for name, unit in columns), *texts])
@@ -182,7 +200,7 @@ def _csv(
 
 def _parquet(
     temporary: Path, columns: Sequence[Column], texts: Sequence[str], attributes: Mapping[str, Any]
-) -> Container:
+) -> Parts:
     """Units are the metadata ``unit`` of each column."""
     parquet, arrow = (library(name, "pyarrow", "parquet") for name in ("pyarrow.parquet", "pyarrow"))
     fields = [arrow.field(name, arrow.float64(), metadata={"unit": unit}) for name, unit in columns]
@@ -199,7 +217,7 @@ def _parquet(
 
 def _hdf5(
     temporary: Path, columns: Sequence[Column], texts: Sequence[str], attributes: Mapping[str, Any]
-) -> Container:
+) -> Parts:
     """A slash, which names of gauges may hold, would begin a group; a text that was never written is empty."""
     guarded, rows = GuardedFile(temporary), 0
     try:
@@ -228,9 +246,7 @@ def _hdf5(
         guarded.close()
 
 
-def _mf4(
-    temporary: Path, columns: Sequence[Column], texts: Sequence[str], attributes: Mapping[str, Any]
-) -> Container:
+def _mf4(temporary: Path, columns: Sequence[Column], texts: Sequence[str], attributes: Mapping[str, Any]) -> Parts:
     """One channel group whose times are the column ``time``; a longer text ends on two points."""
     asammdf, has_rows = library("asammdf", "asammdf", "mf4"), False
     temporary.touch()  # what cannot be written is refused before the work
@@ -261,59 +277,28 @@ _CONTAINERS = {".csv": _csv, ".h5": _hdf5, ".hdf5": _hdf5, ".parquet": _parquet,
 OUTPUT_SUFFIXES = tuple(_CONTAINERS)
 
 
-class EstimateWriter:
-    """Writes blocks of rows to a file: columns of numbers, then columns of text.
+def _collected(parts: Parts, n: int, least: int) -> Parts:
+    """Give rows on that are ``least`` or more; behind ``n`` columns of numbers stand columns of text."""
 
-    ``path`` is the file that messages name. Rows are collected, but for CSV.
-    """
+    def send() -> None:
+        columns = [*zip(*collected, strict=True)]
+        numbers = [np.concatenate(column) for column in columns[:n]]
+        parts.send([*numbers, *([*chain(*column)] for column in columns[n:])])
+        collected.clear()
 
-    def __init__(
-        self,
-        path: Path,
-        temporary: Path,
-        columns: Sequence[Column],
-        text_columns: Sequence[str],
-        attributes: Mapping[str, float],
-    ) -> None:
-        self.path, self._n = path, len(columns)
-        suffix = path.suffix.lower()
-        self._least = 1 if suffix == ".csv" else _COLLECTED_ROWS
-        self._collected: list[list[Sequence[Any] | FloatArray]] = []
-        stated = {"schema": SCHEMA, "schema_version": SCHEMA_VERSION, **attributes}
-        self._container = _CONTAINERS[suffix](temporary, columns, text_columns, stated)
-        next(self._container)
-
-    def write(self, columns: Iterable[FloatArray | Sequence[str]]) -> None:
-        """Append n rows: the ``columns`` (n,) in their units, then n texts of each text column.
-
-        Raises
-        ------
-        StrainfmuError
-            The file cannot be written.
-        """
-        self._collected.append([*columns])
-        if sum(len(part[0]) for part in self._collected) >= self._least:
-            with writing(self.path):
-                self._flush()
-
-    def _flush(self) -> None:
-        """Write the rows that are collected."""
-        if self._collected:
-            parts = [*zip(*self._collected, strict=True)]
-            self._collected = []
-            numbers = [np.concatenate(of_column) for of_column in parts[: self._n]]
-            self._container.send([*numbers, *([*chain(*of_column)] for of_column in parts[self._n :])])
-
-    def finish(self) -> None:
-        """Write what is missing and bring all to the disk; raises OSError if it cannot."""
-        self._flush()
+    next(parts)
+    collected = list[Any]()
+    try:
+        while (part := (yield)) is not None:
+            collected.append(part)
+            if sum(len(part[0]) for part in collected) >= least:
+                send()
+        if collected:
+            send()
         with suppress(StopIteration):
-            self._container.send(None)
-
-    def close(self) -> None:
-        """Close the file, in order or not."""
-        with suppress(OSError):  # what is missing does not fit either: finish() has raised, or never came
-            self._container.close()
+            parts.send(None)
+    finally:
+        parts.close()
 
 
 def check_output(path: Path) -> None:
@@ -328,28 +313,30 @@ def check_output(path: Path) -> None:
         raise InputError(f"{path}: expected one of {', '.join(OUTPUT_SUFFIXES)}, got '{path.suffix}'")
 
 
-@contextmanager
 def estimate_writer(
     path: Path,
     columns: Sequence[Column] = ESTIMATE_COLUMNS,
     text_columns: Sequence[str] = (),
     attributes: Mapping[str, float] | None = None,
-) -> Iterator[EstimateWriter]:
-    """Open an output; it is renamed into place at the end, and removed if there was an error.
+) -> AbstractContextManager[PartsWriter]:
+    """Open an output, which takes rows: ``columns`` (n,) in their units, then n texts of each text column.
 
-    ``attributes`` say how the estimates were made; CSV has no room for them.
+    It is renamed into place at the end, and removed if there was an error. ``attributes`` say how the estimates
+    were made; CSV has no room for them.
 
     Raises
     ------
     StrainfmuError
         It cannot be written, or the library that writes it is missing; an earlier file remains unchanged.
     """
+    suffix = path.suffix.lower()
+    stated = {"schema": SCHEMA, "schema_version": SCHEMA_VERSION, **(attributes or {})}
 
-    def opened(temporary: Path) -> EstimateWriter:
-        return EstimateWriter(path, temporary, columns, text_columns, attributes or {})
+    def opened(temporary: Path) -> PartsWriter:
+        parts = _CONTAINERS[suffix](temporary, columns, text_columns, stated)
+        return PartsWriter(path, _collected(parts, len(columns), 1 if suffix == ".csv" else _COLLECTED_ROWS))
 
-    with whole_file(path, opened) as writer:
-        yield writer
+    return whole_file(path, opened)
 
 
 # --- pressure fields ---------------------------------------------------------------------------------------------
@@ -380,92 +367,68 @@ def check_field_output(path: Path, inverse_map: InverseMap | None, source: Path)
         raise InputError(f"{source}: --field: {no_field()}")
 
 
-class FieldSeriesWriter:
-    """Writes one field after another into a file in the VTKHDF layout.
+def field_series_writer(
+    path: Path, inverse_map: InverseMap, every: int = 1
+) -> AbstractContextManager[PartsWriter]:
+    """Open a series of fields of every ``every``-th sample on the surface of ``inverse_map``.
 
-    ``path`` is the file that messages name, ``every`` the samples from one field to the next, ``steps`` the number
-    of fields written.
-    """
-
-    def __init__(self, path: Path, temporary: Path, inverse_map: InverseMap, every: int) -> None:
-        self.path, self.every, self.steps, self._passed = path, every, 0, 0
-        point, triangle = inverse_map.point, inverse_map.triangle
-        self._n, n_t = len(point), len(triangle)
-        self._guarded = GuardedFile(temporary)
-        self._file = h5py.File(self._guarded, "w")
-        root = self._file.create_group("VTKHDF", track_order=True)
-        root.attrs["Version"] = np.array([2, 0], dtype="i8")
-        kind = b"UnstructuredGrid"
-        root.attrs.create("Type", kind, dtype=h5py.string_dtype("ascii", len(kind)))
-        counts = {"NumberOfPoints": self._n, "NumberOfCells": n_t, "NumberOfConnectivityIds": 3 * n_t}
-        for name, value in counts.items():
-            root.create_dataset(name, data=np.array([value], dtype="i8"))
-        root.create_dataset("Points", data=point.astype("f4")).attrs["unit"] = "m"
-        root.create_dataset("Connectivity", data=triangle.ravel().astype("i8"))
-        root.create_dataset("Offsets", data=3 * np.arange(n_t + 1, dtype="i8"))
-        root.create_dataset("Types", data=np.full(n_t, _TRIANGLE, dtype="u1"))
-        data, self._steps = root.create_group("PointData"), root.create_group("Steps")
-        layout: dict[str, Any] = {"shape": (0,), "maxshape": (None,), "dtype": "f4", "chunks": (self._n,)}
-        is_net = inverse_map.field_is_net and inverse_map.manifold is None
-        self._arrays = [
-            data.create_dataset(name, **layout, compression="gzip", shuffle=True)
-            for name in (NET_FIELD_ARRAYS if is_net else FIELD_ARRAYS)
-        ]
-        for item in self._arrays:
-            item.attrs["unit"] = "Pa"
-        self._times = self._steps.create_dataset("Values", (0,), maxshape=(None,), dtype="f8", chunks=(1024,))
-        self._times.attrs["unit"] = "s"
-        self._steps.attrs["NSteps"] = 0
-
-    def write(self, time: FloatArray, estimates: Estimate) -> None:
-        """Append the fields of every ``every``-th sample, ``time`` (n,) [s] and n ``estimates`` of a block.
-
-        Raises
-        ------
-        StrainfmuError
-            The file cannot be written.
-        """
-        for row in range((-self._passed) % self.every, len(time), self.every):
-            field, first = estimates[row].pressure(), self.steps * self._n
-            with writing(self.path):
-                for item, values in zip(self._arrays, (field.pressure, field.std), strict=True):
-                    item.resize((first + self._n,))
-                    item[first:] = values.astype("f4")
-                self._times.resize((self.steps + 1,))
-                self._times[self.steps] = time[row]
-                self._guarded.raise_error()
-            self.steps += 1
-        self._passed += len(time)
-
-    def finish(self) -> None:
-        """Write where each step finds its data and bring all to the disk; raises OSError if it cannot."""
-        n, steps = self.steps, self._steps
-        steps.attrs["NSteps"] = n
-        steps.create_dataset("NumberOfParts", data=np.ones(n, dtype="i8"))
-        for name in ("PartOffsets", "PointOffsets"):
-            steps.create_dataset(name, data=np.zeros(n, dtype="i8"))
-        for name in ("CellOffsets", "ConnectivityIdOffsets"):
-            steps.create_dataset(name, data=np.zeros((n, 1), dtype="i8"))
-        offsets = steps.create_group("PointDataOffsets")
-        for item in self._arrays:
-            offsets.create_dataset(str(item.name).rsplit("/", 1)[-1], data=self._n * np.arange(n, dtype="i8"))
-        self._file.close()
-        self._guarded.sync()
-
-    def close(self) -> None:
-        """Close the file, in order or not."""
-        self._file.close()
-        self._guarded.close()
-
-
-@contextmanager
-def field_series_writer(path: Path, inverse_map: InverseMap, every: int = 1) -> Iterator[FieldSeriesWriter]:
-    """Open a series on the surface of ``inverse_map``; it is renamed into place at the end, removed on an error.
+    It takes times (n,) [s] and n estimates, is renamed into place at the end, and removed if there was an error.
 
     Raises
     ------
     StrainfmuError
         It cannot be written; an earlier file remains unchanged.
     """
-    with whole_file(path, lambda temporary: FieldSeriesWriter(path, temporary, inverse_map, every)) as writer:
-        yield writer
+    return whole_file(path, lambda temporary: PartsWriter(path, _fields(temporary, inverse_map, every)))
+
+
+def _fields(temporary: Path, inverse_map: InverseMap, every: int) -> Parts:
+    """One field after another in the VTKHDF layout."""
+    point, triangle = inverse_map.point, inverse_map.triangle
+    n, n_t, number, passed = len(point), len(triangle), 0, 0
+    guarded = GuardedFile(temporary)
+    try:
+        with h5py.File(guarded, "w") as file:
+            root = file.create_group("VTKHDF", track_order=True)
+            root.attrs["Version"] = np.array([2, 0], dtype="i8")
+            kind = b"UnstructuredGrid"
+            root.attrs.create("Type", kind, dtype=h5py.string_dtype("ascii", len(kind)))
+            counts = {"NumberOfPoints": n, "NumberOfCells": n_t, "NumberOfConnectivityIds": 3 * n_t}
+            for name, value in counts.items():
+                root.create_dataset(name, data=np.array([value], dtype="i8"))
+            root.create_dataset("Points", data=point.astype("f4")).attrs["unit"] = "m"
+            root.create_dataset("Connectivity", data=triangle.ravel().astype("i8"))
+            root.create_dataset("Offsets", data=3 * np.arange(n_t + 1, dtype="i8"))
+            root.create_dataset("Types", data=np.full(n_t, _TRIANGLE, dtype="u1"))
+            data, steps = root.create_group("PointData"), root.create_group("Steps")
+            layout: dict[str, Any] = {"shape": (0,), "maxshape": (None,), "dtype": "f4", "chunks": (n,)}
+            is_net = inverse_map.field_is_net and inverse_map.manifold is None
+            names = NET_FIELD_ARRAYS if is_net else FIELD_ARRAYS
+            arrays = [data.create_dataset(name, **layout, compression="gzip", shuffle=True) for name in names]
+            times = steps.create_dataset("Values", (0,), maxshape=(None,), dtype="f8", chunks=(1024,))
+            for item, unit in zip((*arrays, times), ("Pa", "Pa", "s"), strict=True):
+                item.attrs["unit"] = unit
+            while (part := (yield)) is not None:
+                time, estimates = part
+                for row in range(-passed % every, len(time), every):
+                    field = estimates[row].pressure()
+                    for item, values in zip(arrays, (field.pressure, field.std), strict=True):
+                        item.resize((n * (number + 1),))
+                        item[n * number :] = values.astype("f4")
+                    times.resize((number + 1,))
+                    times[number] = time[row]
+                    guarded.raise_error()
+                    number += 1
+                passed += len(time)
+            steps.attrs["NSteps"] = number
+            steps.create_dataset("NumberOfParts", data=np.ones(number, dtype="i8"))
+            for name in ("PartOffsets", "PointOffsets"):
+                steps.create_dataset(name, data=np.zeros(number, dtype="i8"))
+            for name in ("CellOffsets", "ConnectivityIdOffsets"):
+                steps.create_dataset(name, data=np.zeros((number, 1), dtype="i8"))
+            offsets = steps.create_group("PointDataOffsets")
+            for name in names:
+                offsets.create_dataset(name, data=n * np.arange(number, dtype="i8"))
+        guarded.sync()
+    finally:
+        guarded.close()

@@ -12,21 +12,11 @@ from typing import Literal
 import numpy as np
 
 from strainfmu.errors import InputError
-from strainfmu.estimator.air_inputs import (
-    DYNAMIC_PRESSURE,
-    INERTIAL_NAMES,
-    MACH_NUMBER,
-    NAVIGATION_INPUTS,
-    Q_SOURCE,
-    STATIC_PRESSURE,
-    STD,
-    QSource,
-)
+from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE, MACH_NUMBER, Q_SOURCE, QSource
 from strainfmu.interface.health_names import STATE
 from strainfmu.recorded import outputs
 from strainfmu.recorded.checks import DataChecks
-from strainfmu.recorded.estimators import BlockEstimator, open_estimator
-from strainfmu.recorded.names import FLOW_NAMES, Wanted
+from strainfmu.recorded.estimators import open_estimator
 from strainfmu.recorded.recorder_errors import RecorderWatch
 from strainfmu.recorded.samples import open_recording
 from strainfmu.recorded.summary import EstimationSummary
@@ -95,15 +85,18 @@ def estimate_file(
         if channels is not None and ignore_columns:
             raise InputError(f"{data}: --ignore-columns: expected none with --channels, which names what is read")
         wanted = replace(
-            _wanted(source, estimator, dynamic_pressure, ignore_columns),
+            estimator.wanted,
+            fixed_pressure=dynamic_pressure,
+            ignored=tuple(ignore_columns),
             excluded=tuple(name for name in exclude if name != AUTO),
             date_order=date_order,
         )
+        if dynamic_pressure is not None and np.isnan(dynamic_pressure) and not wanted.navigates:
+            raise InputError(f"{source}: --dynamic-pressure: expected a pressure for a linear estimator, got nan")
         with open_recording(data, wanted, None if channels is None else Path(channels)) as recording:
             selection = recording.selection
             checks = DataChecks(
                 selection,
-                estimator.reference,
                 zero=estimator.zero,
                 accepts_level=not check_level,
                 accepts_held=accept_held,
@@ -155,49 +148,10 @@ def estimate_file(
                     summary.add(block, estimates, estimator)
                     watch.add(block, estimates.values[STATE])
                     if series is not None and estimates.estimates is not None:
-                        series.write(block.time, estimates.estimates)
-                        summary.fields = series.steps
+                        series.write((block.time, estimates.estimates))
                     if progress is not None:
                         progress(block.position, recording.length)
                 summary.missing_strains = checks.missing
+                summary.fields = 0 if series is None else -(-summary.samples // field_every)
                 summary.notes += [*recording.notes, *notes, *checks.notes(), *watch.notes()]
     return summary
-
-
-def _wanted(
-    source: Path, estimator: BlockEstimator, dynamic_pressure: float | None, ignored: Sequence[str]
-) -> Wanted:
-    """Return what ``estimator`` takes of a recording; ``dynamic_pressure`` [Pa] stands for its column.
-
-    Raises
-    ------
-    InputError
-        The pressure is NaN, and the estimator of ``source`` needs it.
-    """
-    navigates = STATIC_PRESSURE in estimator.inputs
-    if dynamic_pressure is not None and np.isnan(dynamic_pressure) and not navigates:
-        raise InputError(f"{source}: --dynamic-pressure: expected a pressure for a linear estimator, got nan")
-    flow = (
-        *FLOW_NAMES,
-        *(NAVIGATION_INPUTS if navigates else (STATIC_PRESSURE,)),
-        *(name for name in INERTIAL_NAMES if name in estimator.inputs),
-        *estimator.parameter_names,
-        *(f"{name}{STD}" for name in estimator.sharpening),
-        *estimator.readings,
-    )
-    of_nonlinear = (*NAVIGATION_INPUTS, *(f"{name}{STD}" for name in estimator.parameter_names))
-    return Wanted(
-        gauge_names=estimator.gauge_names,
-        fixed_pressure=dynamic_pressure,
-        flow=flow,
-        passed=(
-            *(name for name in of_nonlinear if name not in flow and name.endswith(STD)),
-            *(name for name in INERTIAL_NAMES if name not in flow),
-        ),
-        readings=estimator.readings,
-        computes_pressure=True,
-        navigates=navigates,
-        ignored=tuple(ignored),
-        reference=estimator.reference,
-        sensors=estimator.sensor_names,
-    )

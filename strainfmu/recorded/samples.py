@@ -18,17 +18,10 @@ import numpy as np
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE, STATIC_PRESSURE, STD
-from strainfmu.recorded.channel_map import JOINS, ChannelMap, Join, load_channels, rosette_weights
+from strainfmu.recorded.channel_map import JOINS, ChannelMap, Join, load_channels
 from strainfmu.recorded.formats import open_table
-from strainfmu.recorded.names import (
-    QUANTITIES,
-    Wanted,
-    endings,
-    plain_name,
-    temperature_quantities,
-    time_rank,
-)
-from strainfmu.recorded.selection import Selection, computed_pressure, select
+from strainfmu.recorded.names import QUANTITIES, Wanted, endings, plain_name, time_rank
+from strainfmu.recorded.selection import Selection, Source, computed_pressure, select
 from strainfmu.recorded.strain_level import level_of, likely_units
 from strainfmu.recorded.table import BLOCK_ROWS, Reading
 
@@ -173,16 +166,17 @@ def open_recording(path: Path, wanted: Wanted, channels: Path | None = None) -> 
 
 def _known_names(channel_map: ChannelMap, wanted: Wanted) -> Callable[[str], bool]:
     """Return whether a name is stated in a channel file, or is a quantity's own, behind an instance's or not."""
-    stated = [*(item.name for item in channel_map.channels), *(item.name for item in channel_map.flow)]
+    stated = [channel.name for channel in (*channel_map.strain, *channel_map.flow)]
     stated += [name for name in (channel_map.time, channel_map.raster) if name is not None]
-    own = (*temperature_quantities(wanted.sensors), *wanted.sensors, *wanted.parameters, *QUANTITIES)
-    known = {plain_name(name) for name in own}.union(*map(endings, stated))
+    by_name = (*wanted.temperatures, *wanted.sensors, *wanted.parameters, *QUANTITIES)
+    known = {plain_name(name) for name in by_name}.union(*map(endings, stated))
     return lambda name: not known.isdisjoint(endings(name)) or time_rank(name) is not None
 
 
 def _recording(selection: Selection) -> Recording:
     table, (base, tracks) = selection.table, _tracks(selection)
-    join, gaps, frame = selection.join or Join(), Gaps(), table.frames[base.frame]
+    join, gaps = selection.channel_map.join if selection.channel_map else Join(), Gaps()
+    frame, time_column = table.frames[base.frame], selection.times[base.frame][0]
     table.remarks.extend(_join_notes(table.path, base, tracks, join))
     keys = (*base.keys, *(key for track in tracks for key in track.keys))
 
@@ -196,9 +190,10 @@ def _recording(selection: Selection) -> Recording:
             raise InputError(f"{table.path}: no samples found")
         if gaps.number:
             many = f"{gaps.number} gaps, the longest of" if gaps.number > 1 else "a gap of"
+            time = "time" if time_column is None else frame.columns[time_column].name
             table.remarks.append(
-                f"{table.path}: column '{base.time_name}': {many} {gaps.longest:.6g} s behind "
-                f"{frame.counted} {gaps.behind}; samples are {gaps.period:.6g} s apart"
+                f"{table.path}: column '{time}': {many} {gaps.longest:.6g} s behind {frame.counted} "
+                f"{gaps.behind}; samples are {gaps.period:.6g} s apart"
             )
 
     return Recording(selection=selection, blocks=blocks(), length=frame.length, notes=table.remarks, gaps=gaps)
@@ -216,13 +211,8 @@ class _Rows(NamedTuple):
     position: int
 
 
-def _time_name(selection: Selection, number: int) -> str:
-    column = selection.times[number][0]
-    return "time" if column is None else selection.table.frames[number].columns[column].name
-
-
-def _frame_rows(selection: Selection, number: int) -> Iterator[_Rows]:
-    """Yield the rows of a frame, in SI units, piece by piece.
+def _frame_rows(selection: Selection, number: int, sources: Sequence[Source]) -> Iterator[_Rows]:
+    """Yield the rows of some columns of a frame, in SI units, piece by piece.
 
     Raises
     ------
@@ -230,29 +220,28 @@ def _frame_rows(selection: Selection, number: int) -> Iterator[_Rows]:
         A time is none or not later than the one before, or a value is infinite.
     """
     path, frame, (time_column, factor) = selection.path, selection.table.frames[number], selection.times[number]
-    sources = [*selection.of_frame(number).values()]
-    columns = [source.column for source in sources]
+    columns = [source.column.place[1] for source in sources]
     read, last = 0, -np.inf
-    for piece in frame.pieces(columns if time_column is None else [time_column, *columns]):
-        n, values = len(piece.places), piece.values
+    for places, values, position in frame.pieces(columns if time_column is None else [time_column, *columns]):
+        n = len(places)
         time = np.arange(read, read + n) / factor
         if time_column is not None:
-            stated, values = values[0], values[1:]
+            stated, *values = values
             time = stated * factor
-            where = f"{path}: column '{_time_name(selection, number)}', {frame.counted}"
-            _check_time(where, stated, time, piece.places, last)
+            where = f"{path}: column '{frame.columns[time_column].name}', {frame.counted}"
+            _check_time(where, stated, time, places, last)
         series = np.array(values)  # of each column contiguous, up to the records of the estimator
         if np.isinf(series).any():  # NaN stands for "no value" in a file, an overflow does not
-            of, row = divmod(int(np.argmax(np.isinf(series))), n)
+            column, row = divmod(int(np.argmax(np.isinf(series))), n)
             raise InputError(
-                f"{path}: column '{frame.columns[columns[of]].full}', {frame.counted} {piece.places[row]}: "
-                f"expected a finite number or NaN, got {series[of, row]:g}"
+                f"{path}: column '{sources[column].column.full}', {frame.counted} {places[row]}: expected a "
+                f"finite number or NaN, got {series[column, row]:g}"
             )
         read, last = read + n, float(time[-1]) if n else last
-        for of, source in enumerate(sources):
-            if source.convert is not None:
-                series[of] = source.convert(series[of])
-        yield _Rows(time, piece.places, series.T, piece.position)
+        for i, (_, convert) in enumerate(sources):
+            if convert is not None:
+                series[i] = convert(series[i])
+        yield _Rows(time, places, series.T, position)
 
 
 def _check_time(where: str, stated: FloatArray, time: FloatArray, places: IntArray, last: float) -> None:
@@ -271,37 +260,35 @@ def _check_time(where: str, stated: FloatArray, time: FloatArray, places: IntArr
         )
 
 
+@dataclass(eq=False)
 class _Track:
     """Columns with times of their own: rows that have been read and not yet used.
 
     Attributes
     ----------
-    frame, time_name : number of the frame, and the name of its times.
+    frame, columns : number of the frame, and of the columns among those that are read of it.
     keys, names : quantities, and names of the columns, in the order of the columns of ``values`` (k, n_c).
+    is_sparse : whether rows without a value are left out.
+    advance : reads the next rows of the frame for all its tracks.
     time, places : (k,) [s], rows or lines of the file.
     position, reach : position and time [s] that have been read.
     period : median time between rows [s], NaN of fewer than two.
-    is_sparse : whether rows without a value are left out.
     is_done : whether all has been read.
     """
 
-    def __init__(
-        self,
-        selection: Selection,
-        frame: int,
-        columns: Sequence[int],
-        is_sparse: bool,
-        advance: Callable[[], None],
-    ) -> None:
-        """Take ``columns`` of a frame, whose next rows ``advance`` reads for all its tracks."""
-        sources = selection.of_frame(frame)
-        self.frame, self.time_name, self._columns = frame, _time_name(selection, frame), columns
-        self.keys = [[*sources][i] for i in columns]
-        self.names = [selection.column(sources[key]).full for key in self.keys]
-        self.time, self.places = np.empty(0), np.empty(0, dtype=np.int64)
-        self.values = np.empty((0, len(columns)))
-        self.position, self.reach, self.period = 0, -np.inf, float("nan")
-        self.is_sparse, self.is_done, self._advance = is_sparse, False, advance
+    frame: int
+    columns: Sequence[int]
+    keys: list[str]
+    names: list[str]
+    is_sparse: bool
+    advance: Callable[[], None]
+    time: FloatArray = field(default_factory=lambda: np.empty(0))
+    places: IntArray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    values: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
+    position: int = 0
+    reach: float = -np.inf
+    period: float = float("nan")
+    is_done: bool = False
 
     def take(self, rows: _Rows | None) -> None:
         """Take rows of the frame, None at its end."""
@@ -310,7 +297,7 @@ class _Track:
             return
         time, places, values, self.position = rows
         self.reach = float(time[-1]) if len(time) else self.reach
-        values = values if len(self._columns) == values.shape[1] else values[:, self._columns]
+        values = values if len(self.columns) == values.shape[1] else values[:, self.columns]
         if self.is_sparse:
             has_value = np.isfinite(values[:, 0])
             time, places, values = time[has_value], places[has_value], values[has_value]
@@ -320,7 +307,7 @@ class _Track:
     def next_rows(self) -> _Rows:
         """Return the next block of rows and forget them; none at the end."""
         while len(self.time) < BLOCK_ROWS and not self.is_done:
-            self._advance()
+            self.advance()
         n = BLOCK_ROWS
         rows = _Rows(self.time[:n], self.places[:n], self.values[:n], self.position)
         self._drop(n)
@@ -348,7 +335,7 @@ class _Track:
         while not self.is_done and not (len(self.time) > 1 and self.time[-1] > at[-1] + _SAME * self.period):
             if self.is_sparse and self.reach > at[-1] + 2.0 * np.nan_to_num(self._limit(join)):
                 break
-            self._advance()
+            self.advance()
         if not len(self.time):
             return np.full((len(at), len(self.keys)), np.nan)
         limit = self._limit(join)
@@ -395,26 +382,31 @@ class _Track:
 
 def _frame_tracks(selection: Selection, number: int, looks_ahead: bool) -> list[_Track]:
     """Return the tracks of a frame: one of its raster, and with a channel file one of each mostly empty column."""
-    frame_rows, ahead, tracks = _frame_rows(selection, number), list[_Rows | None](), list[_Track]()
+    sources = {key: source for key, source in selection.sources.items() if source.column.place[0] == number}
+    frame_rows, ahead, tracks = _frame_rows(selection, number, [*sources.values()]), list[_Rows](), list[_Track]()
     n = 0
-    while looks_ahead and n < LOOK_ROWS and None not in ahead:
-        ahead.append(next(frame_rows, None))
-        n += 0 if ahead[-1] is None else len(ahead[-1].time)
+    while looks_ahead and n < LOOK_ROWS and (rows := next(frame_rows, None)) is not None:
+        ahead.append(rows)
+        n += len(rows.time)
 
     def advance() -> None:
         rows = next(frame_rows, None)
         for track in tracks:
             track.take(rows)
 
-    every, sparse = range(len(selection.of_frame(number))), list[int]()
-    if selection.join is not None and n:
-        start = np.vstack([rows.values for rows in ahead if rows is not None])[:LOOK_ROWS]
+    keys, sparse = [*sources], list[int]()
+    if selection.channel_map is not None and n:
+        start = np.vstack([rows.values for rows in ahead])[:LOOK_ROWS]
         known = np.isfinite(start).sum(axis=0)
-        sparse = [i for i in every if known[i] < (1.0 - SPARSE) * len(start)]
-    for columns in filter(None, [[i for i in every if i not in sparse], *([i] for i in sparse)]):
-        track = _Track(selection, number, columns, columns[0] in sparse, advance)
+        sparse = [i for i in range(len(keys)) if known[i] < (1.0 - SPARSE) * len(start)]
+    for columns in filter(None, [[i for i in range(len(keys)) if i not in sparse], *([i] for i in sparse)]):
+        of_track = [keys[i] for i in columns]
+        names = [sources[key].column.full for key in of_track]
+        track = _Track(number, columns, of_track, names, columns[0] in sparse, advance)
         for rows in ahead:
             track.take(rows)
+        if looks_ahead and n < LOOK_ROWS:
+            track.take(None)
         track.look()
         tracks.append(track)
     return tracks
@@ -425,7 +417,7 @@ def _tracks(selection: Selection) -> tuple[_Track, list[_Track]]:
 
     The former has the raster that is stated, or of most gauges, of two the slower.
     """
-    looks_ahead = selection.join is not None or len(selection.times) > 1
+    looks_ahead = selection.channel_map is not None or len(selection.times) > 1
     tracks = [track for number in selection.times for track in _frame_tracks(selection, number, looks_ahead)]
     if selection.raster:
         base = next(track for track in tracks if selection.raster in track.keys)
@@ -477,7 +469,11 @@ def _samples(selection: Selection, keys: Sequence[str], rows: _Rows, counted: st
     n, wanted = len(rows.time), selection.wanted
     strain = _strains(selection, keys, rows.values)
     flow = {name: np.ascontiguousarray(rows.values[:, keys.index(name)]) for name in selection.flow}
-    _check_signs(selection, flow, where)
+    for name, values in flow.items():
+        negative = np.flatnonzero((values < 0.0) & name.endswith(STD))
+        if len(negative):
+            row, column = int(negative[0]), selection.flow[name].column.name
+            raise InputError(f"{where(column, row)}: expected at least 0, got {values[row]:g}")
     _check_unit(selection, strain, where)
     if selection.computed_from:
         flow[DYNAMIC_PRESSURE] = computed_pressure(flow)
@@ -494,24 +490,16 @@ def _strains(selection: Selection, keys: Sequence[str], values: FloatArray) -> F
     strain = np.full((len(gauges), len(values)), np.nan).T
     for i in known:
         strain[:, i] = values[:, keys.index(gauges[i])]
-    names = {plain_name(gauge): i for i, gauge in enumerate(gauges)} if selection.rosettes else {}
-    for rosette in selection.rosettes:
-        named = [plain_name(leg) for leg in rosette.legs]
-        legs = [values[:, keys.index(leg)] if leg in selection.strain else unknown for leg in named]
-        for name, weights in rosette_weights(rosette).items():
+    rosettes = selection.channel_map.rosettes if selection.channel_map else ()
+    names = {plain_name(gauge): i for i, gauge in enumerate(gauges)} if rosettes else {}
+    for _, legs, weights in rosettes:
+        of_legs = [values[:, keys.index(leg)] if leg in selection.strain else unknown for leg in legs]
+        for name, of_gauge in weights.items():
             if plain_name(name) in names:
                 # A leg without weight has no say, also where it has no value.
-                parts = [w * leg for w, leg in zip(weights, legs, strict=True) if w]
+                parts = [w * leg for w, leg in zip(of_gauge, of_legs, strict=True) if w]
                 strain[:, names[plain_name(name)]] = np.sum(parts, axis=0)
     return strain
-
-
-def _check_signs(selection: Selection, flow: Mapping[str, FloatArray], where: Callable[[str, int], str]) -> None:
-    for name, values in flow.items():
-        negative = np.flatnonzero((values < 0.0) & name.endswith(STD))
-        if len(negative):
-            row, column = int(negative[0]), selection.column(selection.flow[name]).name
-            raise InputError(f"{where(column, row)}: expected at least 0, got {flow[name][row]:g}")
 
 
 def _check_unit(selection: Selection, strain: FloatArray, where: Callable[[str, int], str]) -> None:
@@ -522,7 +510,7 @@ def _check_unit(selection: Selection, strain: FloatArray, where: Callable[[str, 
     reference, units = selection.wanted.reference, tuple[str, ...]()
     row, gauge = divmod(int(np.argmax(large)), strain.shape[1])
     name = selection.wanted.gauge_names[gauge]
-    column = selection.column(selection.strain[name]).name if name in selection.strain else name
+    column = selection.strain[name].column.name if name in selection.strain else name
     if reference is not None:
         units = likely_units(reference.ratio(level_of(strain)), selection.strain_factor)
     likely = f"likely in {' or '.join(units)}, by the map's strains; " if units else ""

@@ -9,8 +9,9 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -33,10 +34,8 @@ from strainfmu.interface.sensor_variables import PREFIX as SENSOR_PREFIX
 from strainfmu.interface.sensor_variables import identifier
 from strainfmu.recorded.channel_map import (
     COMPENSATIONS,
+    Channel,
     ChannelMap,
-    FlowEntry,
-    Join,
-    Rosette,
     differs,
     strain_conversion,
     unit_of_channel,
@@ -52,15 +51,13 @@ from strainfmu.recorded.names import (
     matched,
     plain_name,
     scale_of,
-    sensor_of,
     some_of,
     suggestion,
-    temperature_quantities,
     time_factor,
     time_rank,
     unknown_text,
 )
-from strainfmu.recorded.table import Column, Place, Table
+from strainfmu.recorded.table import Column, Table
 from strainfmu.units import STRAIN_UNITS
 
 Conversion = Callable[[FloatArray], FloatArray]
@@ -71,13 +68,11 @@ _NUMBERED_TIME = re.compile(
 """Names of columns of time of recorders with several rates, as "Time  2 - slow"."""
 
 
-@dataclass(frozen=True, eq=False)
-class Source:
-    """Where values come from: number of the frame, of its column; what makes SI units of them, None in these."""
+class Source(NamedTuple):
+    """A column, and what makes SI units of its values, None in these."""
 
-    frame: int
-    column: int
-    convert: Conversion | None = None
+    column: Column
+    convert: Conversion | None
 
 
 Times = tuple[int | None, float]
@@ -90,6 +85,7 @@ class Selection:
 
     Attributes
     ----------
+    channel_map : None where columns name what they are.
     strain : source of each gauge, or leg of a rosette by its plain name.
     flow : source of each quantity of the flow, flow parameter, auxiliary sensor, and ``temperature[k]``.
     times : of each frame that is read.
@@ -97,12 +93,12 @@ class Selection:
     unused : names of the columns that are not read.
     strain_factor : of the unit of most strains, to m/m.
     pressure_factor : of the unit of the pressure that q_inf comes from, to Pa.
-    rosettes, join : of the channel file; ``join`` None without one.
     raster : gauge, leg or quantity whose samples are used for the estimates, "" where none is stated.
     """
 
     table: Table
     wanted: Wanted
+    channel_map: ChannelMap | None = None
     strain: dict[str, Source] = field(default_factory=dict)
     flow: dict[str, Source] = field(default_factory=dict)
     times: dict[int, Times] = field(default_factory=dict)
@@ -110,8 +106,6 @@ class Selection:
     unused: tuple[str, ...] = ()
     strain_factor: float = 1.0
     pressure_factor: float = 1.0
-    rosettes: tuple[Rosette, ...] = ()
-    join: Join | None = None
     raster: str = ""
 
     @property
@@ -119,14 +113,10 @@ class Selection:
         """The recording."""
         return self.table.path
 
-    def of_frame(self, number: int) -> dict[str, Source]:
-        """Return the sources in a frame by gauge, leg or quantity."""
-        sources = {**self.strain, **self.flow}
-        return {key: source for key, source in sources.items() if source.frame == number}
-
-    def column(self, source: Source) -> Column:
-        """Return the column of a source."""
-        return self.table.frames[source.frame].columns[source.column]
+    @property
+    def sources(self) -> dict[str, Source]:
+        """Sources by gauge, leg or quantity."""
+        return {**self.strain, **self.flow}
 
     @property
     def stated(self) -> tuple[str, ...]:
@@ -162,12 +152,9 @@ class Selection:
             known = [name for name in (MACH_NUMBER, pressure) if name in self.flow]
             by = f"with {' and '.join(known)} as navigation" if known else "from strain alone"
             notes.append(f"no dynamic_pressure found: estimated {by}")
-        missing = [name for name in wanted.readings if name not in self.flow]
-        if missing:
+        if missing := [name for name in wanted.readings if name not in self.flow]:
             notes.append(f"no column for {some_of(missing)}: sensors are left out, thrust is 0")
-        quantities = zip(wanted.sensors, temperature_quantities(wanted.sensors), strict=True)
-        cold = [sensor for sensor, quantity in quantities if quantity not in self.flow]
-        if cold:
+        if cold := [sensor for quantity, sensor in wanted.temperatures.items() if quantity not in self.flow]:
             more = "" if len(cold) < len(wanted.sensors) else ", the map's modes stay nuisances"
             notes.append(
                 f"no column for {len(cold)} of {len(wanted.sensors)} temperature sensors{more}: {some_of(cold)}"
@@ -192,7 +179,7 @@ def select(table: Table, wanted: Wanted, channel_map: ChannelMap | None = None) 
         A column is missing, unknown, appears twice (under any of its names), or has an unknown unit; or a channel,
         a gauge or a unit of ``channel_map`` does not fit the recording or the map.
     """
-    selection = Selection(table=table, wanted=wanted)
+    selection = Selection(table=table, wanted=wanted, channel_map=channel_map)
     if channel_map is None:
         _by_names(selection)
     else:
@@ -201,41 +188,44 @@ def select(table: Table, wanted: Wanted, channel_map: ChannelMap | None = None) 
         value = name.removesuffix(STD)
         if name in selection.flow and value not in (name, *selection.flow):
             raise InputError(f"{table.path}: {name}: expected {value} with its standard deviation, got none")
-    for source in (*selection.strain.values(), *selection.flow.values()):
-        if source.frame not in selection.times:
-            selection.times[source.frame] = _times(selection, source, channel_map)
+    for source in selection.sources.values():
+        if source.column.place[0] not in selection.times:
+            selection.times[source.column.place[0]] = _times(selection, source.column)
     table.remarks.extend(selection.flow_notes())
     return selection
 
 
-def _times(selection: Selection, source: Source, channel_map: ChannelMap | None) -> Times:
-    """Return the times of a source's frame: the stated channel, its own, by a rate, or its column of times."""
-    table, path, frame = selection.table, selection.path, selection.table.frames[source.frame]
-    times, stated = frame.times, channel_map.time if channel_map else None
+def _times(selection: Selection, column: Column) -> Times:
+    """Return the times of a column's frame: the stated channel, its own, by a rate, or its column of times."""
+    table, path, channel_map = selection.table, selection.path, selection.channel_map
+    frame = table.frames[column.place[0]]
+    times, stated, elsewhere = frame.times, channel_map.time if channel_map else None, _named_times(table)
     if channel_map is not None and stated is not None:
-        name = matched(path, "channel of time", stated, table.names)
-        if name is None:
-            near = suggestion(stated, table.names)
-            raise InputError(f"{path}: no channel '{stated}' of {channel_map.path}: time.channel, {near}")
-        times = [i for i, column in enumerate(frame.columns) if column.full == name]
-        if not times:
-            raise _other_rows(selection, source, name)
+        elsewhere = [
+            _stated_column(selection, "channel of time", stated, f"{channel_map.path}: time.channel").full
+        ]
+        times = [i for i, candidate in enumerate(frame.columns) if candidate.full in elsewhere]
     elif channel_map is not None and channel_map.rate is not None and not frame.has_clock:
         return None, channel_map.rate
+    if not times and elsewhere:
+        full = elsewhere[0]
+        rows = next(of.rows for of in table.frames for candidate in of.columns if candidate.full == full)
+        raise InputError(
+            f"{path}: column '{column.full}': expected {rows} values, as many as times in '{full}', got "
+            f"{frame.rows}"
+        )
     if len(times) != 1:
-        if not times and (elsewhere := _named_times(table)):
-            raise _other_rows(selection, source, elsewhere[0])
         got = " and ".join(f"'{frame.columns[i].heading}'" for i in times) or "none"
         way = f"state [time] channel or rate_hz in {channel_map.path}" if channel_map else CHANNEL_FILE_HINT
         raise InputError(
             f"{path}: column of times: expected one, got {got}, it holds {some_of(table.names)}; {way}"
         )
-    column = frame.columns[times[0]]
-    if column.dated:
-        table.remarks.append(f"{path}: {column.dated}")
+    time = frame.columns[times[0]]
+    if time.dated:
+        table.remarks.append(f"{path}: {time.dated}")
         return times[0], 1.0
     unit = channel_map.time_unit if channel_map and (stated is not None or not frame.has_clock) else None
-    return times[0], time_factor(path, column.heading, unit or column.unit)
+    return times[0], time_factor(path, time.heading, unit or time.unit)
 
 
 def _named_times(table: Table) -> list[str]:
@@ -243,14 +233,19 @@ def _named_times(table: Table) -> list[str]:
     return [frame.columns[i].full for frame in table.frames if not frame.has_clock for i in frame.times]
 
 
-def _other_rows(selection: Selection, source: Source, time: str) -> InputError:
-    """Return the refusal of a column that has another number of rows than the column of times ``time``."""
-    frames = selection.table.frames
-    rows = next(frame.rows for frame in frames for column in frame.columns if column.full == time)
-    return InputError(
-        f"{selection.path}: column '{selection.column(source).full}': expected {rows} values, as many as times in "
-        f"'{time}', got {frames[source.frame].rows}"
-    )
+def _stated_column(selection: Selection, what: str, name: str, where: str) -> Column:
+    """Return the column of a channel that the entry ``where`` of a channel file names.
+
+    Raises
+    ------
+    InputError
+        There is none.
+    """
+    path, table = selection.path, selection.table
+    full = matched(path, what, name, table.names)
+    if full is None:
+        raise InputError(f"{path}: no channel '{name}' of {where}, {suggestion(name, table.names)}")
+    return table.columns[table.names.index(full)]
 
 
 # --- columns that name what they are ---------------------------------------------------------------------------
@@ -263,21 +258,21 @@ def _by_names(selection: Selection) -> None:
     one. Without a unit a column is in the SI unit.
     """
     table, wanted, path = selection.table, selection.wanted, selection.path
-    names = [column.name for column in table.places.values()]
+    names = [column.name for column in table.columns]
     for entry in wanted.ignored:
         if "*" not in entry and entry not in (*names, *table.names):
             raise InputError(f"{path}: --ignore-columns: no column '{entry}' found, it holds {some_of(names)}")
-    places: dict[str, list[Place]] = {}
+    columns: dict[str, list[Column]] = {}
     unused, unknown = [], []
-    for place, column in table.places.items():
-        name, frame = column.name, table.frames[place[0]]
+    for column in table.columns:
+        name, frame = column.name, table.frames[column.place[0]]
         if name in wanted.ignored or column.full in wanted.ignored:
             unused.append(name)
         elif name not in wanted.gauge_names and time_rank(name) is not None:
-            if frame.has_clock or place[1] not in frame.times:
+            if frame.has_clock or column.place[1] not in frame.times:
                 unused.append(name)
         elif (quantity := wanted.quantity(name)) is not None:
-            places.setdefault(quantity, []).append(place)
+            columns.setdefault(quantity, []).append(column)
         elif is_signal(name) or wanted.passes(name):
             unused.append(name)
         else:
@@ -289,69 +284,58 @@ def _by_names(selection: Selection) -> None:
     for i, gauge in enumerate(wanted.gauge_names, start=1):
         if gauge in excluded:
             continue
-        if gauge not in places:
+        if gauge not in columns:
             raise InputError(
                 f"{path}: no column '{gauge}' or 'strain[{i}]' found for a gauge, it holds {some_of(names)}; "
                 f"{CHANNEL_FILE_HINT}"
             )
-        place = _only(selection, places[gauge], gauge)
-        factor, _ = scale_of(path, table.places[place].heading, STRAIN, table.places[place].unit)
-        selection.strain[gauge] = Source(*place, _conversion(factor, 0.0))
+        selection.strain[gauge], factor = _source(selection, columns[gauge], STRAIN, gauge)
         factors.append(factor)
     selection.strain_factor = float(np.median(factors))
-    lacks = f"no column '{DYNAMIC_PRESSURE}' found, it holds {some_of(names)}; or state {wanted.pressure_option}"
-    passed = _select_flow(selection, places, {}, lacks)
-    selection.unused = (*unused, *(table.places[place].name for place in passed))
+    passed = _select_flow(
+        selection, columns, f"no column '{DYNAMIC_PRESSURE}' found, it holds {some_of(names)}; or state"
+    )
+    selection.unused = (*unused, *(column.name for column in passed))
 
 
-def _select_flow(
-    selection: Selection, places: Mapping[str, Sequence[Place]], units: Mapping[str, str | None], lacks: str
-) -> list[Place]:
+def _select_flow(selection: Selection, columns: Mapping[str, Sequence[Column]], lacks: str) -> list[Column]:
     """Select the columns of the flow; return those that are passed over, as q_inf is known without them.
 
-    Parameters
-    ----------
-    places : columns of each quantity.
-    units : of quantities whose column states none, or another one.
-    lacks : what to say where q_inf is missing.
+    ``lacks`` is what to say where q_inf is missing, ahead of the option for it.
     """
-    wanted, path, passed = selection.wanted, selection.path, list[Place]()
+    wanted, passed = selection.wanted, list[Column]()
     is_fixed = wanted.fixed_pressure is not None
-    has_other = is_fixed or DYNAMIC_PRESSURE in places or MACH_NUMBER not in places
-    for name in (*wanted.flow, *temperature_quantities(wanted.sensors)):
-        if name not in places:
+    is_known = is_fixed or DYNAMIC_PRESSURE in columns or MACH_NUMBER not in columns
+    for name in wanted.quantities:
+        if name not in columns:
             continue
-        is_passed = name == STATIC_PRESSURE and not wanted.navigates and has_other
+        is_passed = name == STATIC_PRESSURE and not wanted.navigates and is_known
         if is_passed or (name == DYNAMIC_PRESSURE and is_fixed):
-            passed += places[name]
+            passed += columns[name]
             continue
-        sensor = sensor_of(name, wanted.sensors) if is_temperature(name) else None
-        place = _only(selection, places[name], name if sensor is None else f"sensor {wanted.sensors[sensor]}")
-        column = selection.table.places[place]
-        factor, offset = scale_of(path, column.heading, name, units.get(name, column.unit), wanted.readings)
-        selection.flow[name] = Source(*place, _conversion(factor, offset))
+        sensor = f"sensor {wanted.temperatures[name]}" if name in wanted.temperatures else name
+        selection.flow[name], factor = _source(selection, columns[name], name, sensor)
         if name in (DYNAMIC_PRESSURE, STATIC_PRESSURE):
             selection.pressure_factor = factor
     is_computed = wanted.computes_pressure and bool(pressure_sources(selection.flow))
     if wanted.needs_pressure and not (is_fixed or DYNAMIC_PRESSURE in selection.flow or is_computed):
-        raise InputError(f"{path}: {lacks}")
+        option = "--dynamic-pressure" + (", nan where it is not known" if wanted.navigates else "")
+        raise InputError(f"{selection.path}: {lacks} {option}")
     return passed
 
 
-def _only(selection: Selection, places: Sequence[Place], what: str) -> Place:
-    """Return the only one of the columns of a quantity."""
-    if len(places) > 1:
-        headings = dict.fromkeys(selection.table.places[place].heading for place in places)
+def _source(selection: Selection, columns: Sequence[Column], quantity: str, what: str) -> tuple[Source, float]:
+    """Return the source of a quantity by the only one of its columns, and the factor of its unit."""
+    column, path = columns[0], selection.path
+    if len(columns) > 1:
+        headings = dict.fromkeys(column.heading for column in columns)
         same = " and ".join(f"'{heading}'" for heading in headings)
         way = "; --ignore-columns leaves columns out" if len(headings) > 1 else ""
-        raise InputError(f"{selection.path}: expected one column for {what}, got {len(places)}: {same}{way}")
-    return places[0]
-
-
-def _conversion(factor: float, offset: float) -> Conversion | None:
+        raise InputError(f"{path}: expected one column for {what}, got {len(columns)}: {same}{way}")
+    factor, offset = scale_of(path, column.heading, quantity, column.unit, selection.wanted.readings)
     if offset:
-        return lambda values: values * factor + offset
-    return None if factor == 1.0 else lambda values: values * factor
+        return Source(column, lambda values: values * factor + offset), factor
+    return Source(column, None if factor == 1.0 else lambda values: values * factor), factor
 
 
 # --- columns that a channel file names --------------------------------------------------------------------------
@@ -368,13 +352,11 @@ def _by_channels(selection: Selection, channel_map: ChannelMap) -> None:
             "a text, got two; record a file for each rate, or one rate for all"
         )
     gauges = _gauges(channel_map, wanted)
-    by_channel = {entry.name: gauges[entry.gauge] for entry in channel_map.channels}
+    by_channel = {channel.name: gauges[channel.quantity] for channel in channel_map.strain}
     selection.excluded = excluded = excluded_gauges(path, wanted, by_channel)
-    selection.join, selection.rosettes = channel_map.join, channel_map.rosettes
     _select_strains(selection, channel_map, gauges)
     _select_stated_flow(selection, channel_map)
-    sources = {**selection.strain, **selection.flow}
-    used = {selection.column(source).full: key for key, source in sources.items()}
+    used = {source.column.full: key for key, source in selection.sources.items()}
     if channel_map.raster is not None:
         name = matched(table.path, "raster", channel_map.raster, [*used])
         if name is None:
@@ -394,22 +376,24 @@ def _by_channels(selection: Selection, channel_map: ChannelMap) -> None:
 def _gauges(channel_map: ChannelMap, wanted: Wanted) -> dict[str, str]:
     """Return what each stated gauge is: a gauge of the map, or a leg of a rosette under its own plain name."""
     path = channel_map.path
-    legs = {plain_name(leg) for rosette in channel_map.rosettes for leg in rosette.legs}
-    stated = [(f"{entry.where}.gauge", entry.gauge) for entry in channel_map.channels]
-    stated += [(f"{one.where}.gauges_deg", gauge) for one in channel_map.rosettes for gauge in one.gauges]
-    gauges, seen = dict[str, str](), dict[str, str]()
+    legs = {leg for rosette in channel_map.rosettes for leg in rosette.legs}
+    stated = [(f"{channel.where}.gauge", channel.quantity) for channel in channel_map.strain]
+    stated += [
+        (f"{rosette.where}.gauges_deg", gauge) for rosette in channel_map.rosettes for gauge in rosette.weights
+    ]
+    gauges, entries = dict[str, str](), dict[str, str]()
     for where, name in stated:
         is_leg = plain_name(name) in legs
         gauge = plain_name(name) if is_leg else matched(path, "gauge", name, wanted.gauge_names)
         if gauge is None:
             near = suggestion(name, wanted.gauge_names)
             raise InputError(f"{path}: {where}: no gauge '{name}' in the map, {near}")
-        if gauge in seen:
+        if gauge in entries:
             raise InputError(
-                f"{path}: {where}: expected one channel for gauge '{name}', got another in {seen[gauge]}"
+                f"{path}: {where}: expected one channel for gauge '{name}', got another in {entries[gauge]}"
             )
-        seen[gauge], gauges[name] = where, gauge
-    for missing in sorted(legs - seen.keys()):
+        entries[gauge], gauges[name] = where, gauge
+    for missing in sorted(legs - entries.keys()):
         raise InputError(f"{path}: rosette: no channel whose gauge is its leg '{missing}'")
     return gauges
 
@@ -417,37 +401,38 @@ def _gauges(channel_map: ChannelMap, wanted: Wanted) -> dict[str, str]:
 def _select_strains(selection: Selection, channel_map: ChannelMap, gauges: Mapping[str, str]) -> None:
     """Select the channels of strain."""
     path, table, stated_in = selection.path, selection.table, channel_map.path
-    other_units, taken, units = [], dict[str, str](), list[str]()
-    for entry in channel_map.channels:
-        if gauges[entry.gauge] in selection.excluded:
+    differing, taken, units = [], dict[str, str](), list[str]()
+    for channel in channel_map.strain:
+        if gauges[channel.quantity] in selection.excluded:
             continue
-        name = matched(path, "channel", entry.name, table.names)
+        name = matched(path, "channel", channel.name, table.names)
         if name is None:
-            near = suggestion(entry.name, table.names)
+            near = suggestion(channel.name, table.names)
             table.remarks.append(
-                f"{path}: no channel '{entry.name}' found, {near}; gauge '{entry.gauge}' is left out"
+                f"{path}: no channel '{channel.name}' found, {near}; gauge '{channel.quantity}' is left out"
             )
             continue
         if name in taken:
-            raise InputError(f"{stated_in}: {entry.where}.name: channel '{name}' belongs to {taken[name]} already")
-        taken[name] = entry.where
-        place = table.place(name)
-        recorded = table.places[place].unit
-        units.append(unit_of_channel(stated_in, entry, recorded))
-        if differs(units[-1], recorded):
-            other_units.append(f"'{name}' {units[-1]}, not {recorded}")
-        convert = strain_conversion(stated_in, entry, units[-1])
-        selection.strain[gauges[entry.gauge]] = Source(*place, convert)
+            raise InputError(
+                f"{stated_in}: {channel.where}.name: channel '{name}' belongs to {taken[name]} already"
+            )
+        taken[name] = channel.where
+        column = table.columns[table.names.index(name)]
+        units.append(unit_of_channel(stated_in, channel, column.unit))
+        if differs(units[-1], column.unit):
+            differing.append(f"'{name}' {units[-1]}, not {column.unit}")
+        convert = strain_conversion(stated_in, channel, units[-1])
+        selection.strain[gauges[channel.quantity]] = Source(column, convert)
     if not selection.strain:
         holds = some_of(table.names) or "none"
         raise InputError(f"{path}: none of the channels of {stated_in} found, the recording holds {holds}")
     selection.strain_factor = float(np.median([STRAIN_UNITS.get(unit, 1.0) for unit in units]))
-    if other_units:
-        shown = ", ".join(other_units[:3]) + (" .." if len(other_units) > 3 else "")
+    if differing:
+        shown = ", ".join(differing[:3]) + (" .." if len(differing) > 3 else "")
         table.remarks.append(
-            f"{stated_in}: units other than the recording's are used in {len(other_units)} channels: {shown}"
+            f"{stated_in}: units other than the recording's are used in {len(differing)} channels: {shown}"
         )
-    counts = Counter(entry.compensation for entry in channel_map.channels)
+    counts = Counter(channel.compensation for channel in channel_map.strain)
     kinds = ", ".join(f"{kind} {counts[kind]}" for kind in COMPENSATIONS if counts[kind])
     if kinds:
         rest = f", not stated {counts[None]}" if counts[None] else ""
@@ -458,66 +443,55 @@ def _select_strains(selection: Selection, channel_map: ChannelMap, gauges: Mappi
 
 def _select_stated_flow(selection: Selection, channel_map: ChannelMap) -> None:
     """Select the channels of the flow: first ``[[flow]]``, then channels with a quantity's own name."""
-    path, wanted, table = selection.path, selection.wanted, selection.table
-    places, units = dict[str, list[Place]](), dict[str, str | None]()
-    for entry in channel_map.flow:
-        name = matched(path, "channel", entry.name, table.names)
-        if name is None:
-            near = suggestion(entry.name, table.names)
-            raise InputError(
-                f"{path}: no channel '{entry.name}' of {channel_map.path}: {entry.where} found, {near}"
-            )
-        quantity = _stated_quantity(entry, channel_map.path, wanted)
-        if quantity in places:
-            raise InputError(
-                f"{channel_map.path}: {entry.where}: expected one channel of {entry.quantity}, got two"
-            )
-        places[quantity] = [table.place(name)]
-        units[quantity] = entry.unit or table.places[table.place(name)].unit
-        needs_unit = entry.quantity != MACH_NUMBER and not entry.quantity.startswith(PREFIX)
-        is_taken = quantity in wanted.flow or is_temperature(quantity)
-        if units[quantity] is None and needs_unit and is_taken:
-            raise InputError(
-                f"{channel_map.path}: {entry.where}.unit: entry is missing, the recording states none"
-            )
-    for quantity in (*wanted.flow, *temperature_quantities(wanted.sensors)):
-        names = {plain_name(quantity)}
-        if is_temperature(quantity) and (sensor := sensor_of(quantity, wanted.sensors)) is not None:
-            names.add(plain_name(wanted.sensors[sensor]))
-        own = [
-            place
-            for place, column in table.places.items()
+    path, wanted, table, stated_in = selection.path, selection.wanted, selection.table, channel_map.path
+    columns = dict[str, Sequence[Column]]()
+    for channel in channel_map.flow:
+        column = _stated_column(selection, "channel", channel.name, f"{stated_in}: {channel.where} found")
+        column = replace(column, unit=channel.unit or column.unit)
+        quantity = _stated_quantity(channel, stated_in, wanted)
+        if quantity in columns:
+            raise InputError(f"{stated_in}: {channel.where}: expected one channel of {channel.quantity}, got two")
+        columns[quantity] = [column]
+        needs_unit = channel.quantity != MACH_NUMBER and not channel.quantity.startswith(PREFIX)
+        if column.unit is None and needs_unit and quantity in wanted.quantities:
+            raise InputError(f"{stated_in}: {channel.where}.unit: entry is missing, the recording states none")
+    for quantity in wanted.quantities:
+        names = {plain_name(quantity), plain_name(wanted.temperatures.get(quantity, quantity))}
+        of_name = [
+            column
+            for column in table.columns
             if names & {plain_name(column.name), plain_name(last_part(column.name))} and not is_signal(column.name)
         ]
-        if len(own) == 1:
-            places.setdefault(quantity, own)
-    lacks = (
-        f"no column of {DYNAMIC_PRESSURE} found, nor of {MACH_NUMBER} with {STATIC_PRESSURE} or {ALTITUDE}; state "
-        f"one as [[flow]] in {channel_map.path}, or {wanted.pressure_option}"
+        if len(of_name) == 1:
+            columns.setdefault(quantity, of_name)
+    uses = {source.column.place: STRAIN for source in selection.strain.values()}
+    for quantity, (column,) in columns.items():
+        if quantity in wanted.quantities and uses.setdefault(column.place, quantity) != quantity:
+            raise InputError(
+                f"{path}: column '{column.full}': expected one use, got two, the second as {quantity}"
+            )
+    _select_flow(
+        selection,
+        columns,
+        f"no column of {DYNAMIC_PRESSURE} found, nor of {MACH_NUMBER} with {STATIC_PRESSURE} or {ALTITUDE}; "
+        f"state one as [[flow]] in {stated_in}, or",
     )
-    uses = {(source.frame, source.column): STRAIN for source in selection.strain.values()}
-    for quantity, (place,) in places.items():
-        is_read = quantity in wanted.flow or is_temperature(quantity)
-        if is_read and uses.setdefault(place, quantity) != quantity:
-            name = table.places[place].full
-            raise InputError(f"{path}: column '{name}': expected one use, got two, the second as {quantity}")
-    _select_flow(selection, places, units, lacks)
 
 
-def _stated_quantity(entry: FlowEntry, path: Path, wanted: Wanted) -> str:
+def _stated_quantity(channel: Channel, path: Path, wanted: Wanted) -> str:
     """Return the name of the quantity of an entry among the flow; refuse what the map does not have."""
-    quantity, kind, known = entry.quantity, "", tuple[str, ...]()
+    quantity, kind, known = channel.quantity, "", tuple[str, ...]()
     if quantity.startswith(PREFIX):
         quantity = quantity.removeprefix(PREFIX)
         kind, known = "a parameter", wanted.parameters
     elif quantity.startswith(SENSOR_PREFIX) or quantity == THRUST:
         quantity = identifier(quantity.removeprefix(SENSOR_PREFIX))
         kind, known = "a sensor", tuple(wanted.readings)
-    elif is_temperature(quantity) and sensor_of(quantity, wanted.sensors) is None:
+    elif is_temperature(quantity) and quantity not in wanted.temperatures:
         kind = f"one of {len(wanted.sensors)} sensors"
     if kind and quantity not in (*known, *wanted.passed):
         names = f", {', '.join(known) or 'none'}" if not is_temperature(quantity) else ""
-        raise InputError(f"{path}: {entry.where}.quantity: expected {kind} of the map{names}, got '{quantity}'")
+        raise InputError(f"{path}: {channel.where}.quantity: expected {kind} of the map{names}, got '{quantity}'")
     return quantity
 
 

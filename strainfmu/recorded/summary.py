@@ -26,6 +26,7 @@ from strainfmu.interface.estimator_variables import LOADS
 from strainfmu.interface.health_names import ENVELOPE_SCORE, STATE, USABLE
 from strainfmu.recorded.checks import DataChecks
 from strainfmu.recorded.estimators import BlockEstimates, BlockEstimator
+from strainfmu.recorded.outputs import ENVELOPE_SCORE_LIMIT
 from strainfmu.recorded.samples import Gaps, Samples
 from strainfmu.records import brief
 
@@ -227,14 +228,14 @@ class HealthAccount:
     blamed: dict[str, Counter[str]] = field(default_factory=dict)
     beyond: int | None = None
 
-    def add(self, estimates: BlockEstimates, envelope_score_limit: float) -> None:
-        """Count the samples of a block; ``envelope_score_limit`` of their estimator."""
-        health = estimates.values[STATE]
+    def add(self, estimates: BlockEstimates) -> None:
+        """Count the samples of a block."""
+        values, health = estimates.values, estimates.values[STATE]
         for state in np.unique(health[np.isfinite(health)]):
             rows, name = health == state, health_name(int(state))
             self.samples[name] += int(rows.sum())
-            if state == HealthState.OUTSIDE and np.isfinite(envelope_score_limit):
-                beyond = estimates.values[ENVELOPE_SCORE][rows] > envelope_score_limit
+            if state == HealthState.OUTSIDE and np.isfinite(values[ENVELOPE_SCORE_LIMIT][0]):
+                beyond = values[ENVELOPE_SCORE][rows] > values[ENVELOPE_SCORE_LIMIT][rows]
                 self.beyond = int(beyond.sum()) + (self.beyond or 0)
             counts = {of: int(k) for of, blamed in estimates.blamed.items() if (k := blamed[rows].sum())}
             self.blamed.setdefault(name, Counter()).update(counts)
@@ -314,7 +315,7 @@ class EstimationSummary:
 
     def add(self, block: Samples, estimates: BlockEstimates, estimator: BlockEstimator) -> None:
         """Take a block and its estimates."""
-        self.account.add(estimates, estimator.envelope_score_limit)
+        self.account.add(estimates)
         self.history.add(block, estimates, estimator.row_names)
         known = np.logical_or.reduce([np.isfinite(estimates.values[name]) for name in COEFFICIENT_NAMES])
         # The nonlinear estimator has coefficients without it.

@@ -30,9 +30,6 @@ PIECE_ROWS = 4 * BLOCK_ROWS
 LARGEST_MATRIX = 4096
 """Columns of a matrix that are offered."""
 
-Place = tuple[int, int]
-"""Number of a frame, and of a column in it."""
-
 CLOCK = "time"
 """Name of the times that a format states itself."""
 
@@ -53,7 +50,7 @@ class Reading:
     time: str = ""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Column:
     """A column.
 
@@ -65,6 +62,10 @@ class Column:
     group : groups that it is in, the outermost first.
     heading : as it stands in the file, for messages.
     dated : what to say of its dates and times, which are read as seconds; "" where it holds none.
+    place : number of its frame, and its own in it, in a table.
+    rows : number of rows of a column that is read by slices of rows; None of one value for all rows.
+    read : returns the values of a slice of rows.
+    clock : what its times are, and returns them [s] of a slice; None where a column of times is needed.
     """
 
     name: str
@@ -73,19 +74,18 @@ class Column:
     group: tuple[str, ...] = ()
     heading: str = ""
     dated: str = ""
+    place: tuple[int, int] = (0, 0)
+    rows: int | None = None
+    read: Callable[[slice], Any] = lambda _: ()
+    clock: tuple[Hashable, Callable[[slice], Any]] | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "full", self.full or "/".join((*self.group, self.name)))
         object.__setattr__(self, "heading", self.heading or self.full)
 
 
-@dataclass(frozen=True, eq=False)
-class Piece:
-    """Successive rows of some columns: (n,) rows or lines of the file, (n,) values each, the position reached."""
-
-    places: IntArray
-    values: list[FloatArray]
-    position: int
+Piece = tuple[IntArray, list[FloatArray], int]
+"""Successive rows of some columns: (n,) rows or lines of the file, (n,) values each, the position reached."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -128,97 +128,75 @@ class Table:
     remarks: list[str] = field(default_factory=list)
 
     @cached_property
-    def places(self) -> dict[Place, Column]:
-        """All columns by their places, without times that a format states itself."""
-        frames = enumerate(self.frames)
-        of_all = (((number, i), column) for number, frame in frames for i, column in enumerate(frame.columns))
-        return {place: column for place, column in of_all if place[1] or not self.frames[place[0]].has_clock}
+    def columns(self) -> tuple[Column, ...]:
+        """All columns, without times that a format states itself."""
+        return tuple(
+            replace(column, place=(number, i))
+            for number, frame in enumerate(self.frames)
+            for i, column in enumerate(frame.columns)
+            if i or not frame.has_clock
+        )
 
     @cached_property
     def names(self) -> list[str]:
         """Full names of the columns."""
-        return [column.full for column in self.places.values()]
-
-    def place(self, name: str) -> Place:
-        """Return the place of a column by its full name."""
-        return [*self.places][self.names.index(name)]
+        return [column.full for column in self.columns]
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Stored:
-    """A column that is read by slices of rows.
-
-    Attributes
-    ----------
-    rows : number of rows; None of one value for all rows.
-    read : returns the values of a slice of rows.
-    clock : what its times are, and returns them [s] of a slice; None where a column of times is needed.
-    """
-
-    column: Column
-    rows: int | None
-    read: Callable[[slice], Any]
-    clock: tuple[Hashable, Callable[[slice], Any]] | None = None
-
-
-def table_of(path: Path, stored: Sequence[Stored], reading: Reading, remarks: Sequence[str] = ()) -> Table:
+def table_of(path: Path, columns: Sequence[Column], reading: Reading, remarks: Sequence[str] = ()) -> Table:
     """Return a table of columns that are read by slices: those with the same rows and times are a frame.
 
     The times of a column are its own, else the column of times of as many rows in its group or the nearest one
     around it, else the only one of as many rows. A column that is ``reading.time`` replaces all these.
     """
-    series = [item for item in stored if item.rows is not None]
-    names = [item.column.full for item in series]
+    series = [column for column in columns if column.rows is not None]
+    names = [column.full for column in series]
     stated = matched(path, "column of times", reading.time, names) if reading.time else None
     if stated is not None:
-        times = [item for item in series if item.column.full == stated]
-        series = [replace(item, clock=None) for item in series]
+        series = [replace(column, clock=None) for column in series]
+        times = [column for column in series if column.full == stated]
     else:
-        named = times_among(item.column.name for item in series if item.clock is None)
-        times = [item for item in series if item.clock is None and item.column.name in named]
-    # One value without a time of its own counts for all rows.
-    alone = [item for item in series if item.rows == 1 and item.clock is None and not _times_of(item, times)]
-    constants = [item for item in stored if item.rows is None] + [replace(item, rows=None) for item in alone]
-    groups: dict[Hashable, list[Stored]] = {}
-    for item in series:
-        if item in alone:
+        named = times_among(column.name for column in series if column.clock is None)
+        times = [column for column in series if column.clock is None and column.name in named]
+    constants = [column for column in columns if column.rows is None]
+    groups: dict[Hashable, list[Column]] = {}
+    for column in series:
+        times_of = _times_of(column, times)
+        if column.rows == 1 and column.clock is None and not times_of:
+            # One value without a time of its own counts for all rows.
+            constants.append(replace(column, rows=None))
             continue
-        key: Hashable = (
-            ("own", item.clock[0]) if item.clock is not None else tuple(map(id, _times_of(item, times)))
-        )
-        groups.setdefault((item.rows, key), []).append(item)
+        clock: Hashable = tuple(map(id, times_of)) if column.clock is None else ("own", column.clock[0])
+        groups.setdefault((column.rows, clock), []).append(column)
     largest = max(groups.values(), key=len, default=[])
     frames, starts = [], list[np.datetime64]()
-    for items in groups.values():
-        alike = [*items, *(constants if items is largest else ())]
-        known = {id(item) for item in items}
-        alike += [time for time in _times_of(items[0], times) if id(time) not in known]
-        frames.append(_frame(path, alike, items[0].rows or 0, starts))
+    for members in groups.values():
+        more = [time for time in _times_of(members[0], times) if time not in members]
+        frames.append(_frame(path, [*members, *(constants if members is largest else ()), *more], starts))
     return Table(path, tuple(frames), list(remarks))
 
 
-def _times_of(item: Stored, times: Sequence[Stored]) -> list[Stored]:
+def _times_of(column: Column, times: Sequence[Column]) -> list[Column]:
     """Return the columns of times that a column may have: those nearest to its group, of as many rows."""
-    alike = [time for time in times if time.rows == item.rows]
-    around = [time for time in alike if time.column.group == item.column.group[: len(time.column.group)]]
-    deepest = max((len(time.column.group) for time in around), default=-1)
-    return [time for time in around if len(time.column.group) == deepest] or alike
+    alike = [time for time in times if time.rows == column.rows]
+    around = [time for time in alike if time.group == column.group[: len(time.group)]]
+    deepest = max((len(time.group) for time in around), default=-1)
+    return [time for time in around if len(time.group) == deepest] or alike
 
 
-def _frame(path: Path, items: Sequence[Stored], rows: int, starts: list[np.datetime64]) -> Frame:
+def _frame(path: Path, columns: Sequence[Column], starts: list[np.datetime64]) -> Frame:
     """Return the frame of columns with the same rows and times."""
-    clock = items[0].clock
+    rows, clock = columns[0].rows or 0, columns[0].clock
     if clock is not None:
-        items = [Stored(column=Column(name=CLOCK, unit="s"), rows=rows, read=clock[1]), *items]
+        columns = [Column(name=CLOCK, unit="s", rows=rows, read=clock[1]), *columns]
 
     def pieces(indices: Sequence[int]) -> Iterator[Piece]:
         for first in range(0, rows, PIECE_ROWS):
             part = slice(first, min(first + PIECE_ROWS, rows))
-            values = [_values(path, items[i], part, starts) for i in indices]
-            yield Piece(np.arange(part.start + 1, part.stop + 1), values, part.stop)
+            values = [_values(path, columns[i], part, starts) for i in indices]
+            yield np.arange(part.start + 1, part.stop + 1), values, part.stop
 
-    columns = tuple(item.column for item in items)
-    return Frame(columns=columns, pieces=pieces, rows=rows, length=rows, has_clock=clock is not None)
+    return Frame(columns=tuple(columns), pieces=pieces, rows=rows, length=rows, has_clock=clock is not None)
 
 
 def as_numbers(path: Path, column: Column, values: Any, starts: list[np.datetime64]) -> FloatArray:
@@ -239,7 +217,7 @@ def as_numbers(path: Path, column: Column, values: Any, starts: list[np.datetime
         return np.asarray(values, dtype=float)
 
 
-def _values(path: Path, item: Stored, part: slice, starts: list[np.datetime64]) -> FloatArray:
+def _values(path: Path, column: Column, part: slice, starts: list[np.datetime64]) -> FloatArray:
     """Return the values (n,) of a column in a slice of rows.
 
     Raises
@@ -247,11 +225,11 @@ def _values(path: Path, item: Stored, part: slice, starts: list[np.datetime64]) 
     InputError
         They are no numbers, or cannot be read.
     """
-    where = f"{path}: column '{item.column.full}'"
+    where = f"{path}: column '{column.full}'"
     with _refused(f"{where}: damaged, cannot be read"):
-        read = item.read(part)
-    n, values = part.stop - part.start, as_numbers(path, item.column, read, starts)
-    if item.rows is None and values.size == 1:
+        read = column.read(part)
+    n, values = part.stop - part.start, as_numbers(path, column, read, starts)
+    if column.rows is None and values.size == 1:
         return np.full(n, values.ravel()[0])
     if values.shape != (n,):
         raise InputError(f"{where}: expected one number a row, got {values.shape}")

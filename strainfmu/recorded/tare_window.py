@@ -13,17 +13,13 @@ import numpy as np
 from strainfmu.arrays import FloatArray
 from strainfmu.cosim.estimators.zeros_file import write_zeros
 from strainfmu.errors import InputError, StrainfmuError
-from strainfmu.estimator.air_inputs import STD
 from strainfmu.estimator.estimator import Estimator
-from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map
-from strainfmu.estimator.map.validity import flow_parameters
+from strainfmu.estimator.map.inverse_map import load_inverse_map
 from strainfmu.estimator.tare import KnownStrain, Tare, TareLimits, refusal
-from strainfmu.interface.sensor_variables import reading_units
-from strainfmu.recorded.estimators import recorded_readings
-from strainfmu.recorded.names import QUANTITIES, Wanted
+from strainfmu.recorded.estimators import MapBlocks
+from strainfmu.recorded.names import Wanted
 from strainfmu.recorded.recorder_errors import disagreements, reading_errors
 from strainfmu.recorded.samples import open_recording
-from strainfmu.text_cells import DateOrder
 
 
 def tare(
@@ -81,9 +77,11 @@ def tare(
     if not window[0] < window[1]:
         raise InputError(f"window: expected a begin before its end, got {window[0]:g} to {window[1]:g} s")
     limits = TareLimits(dynamic_pressure=max_dynamic_pressure, zero=largest_zero, drift=largest_drift)
-    time, strain, pressure = _read(loaded, path, window, None if channels is None else Path(channels), date_order)
+    estimator = Estimator(loaded.without_tables())
+    wanted = replace(MapBlocks(estimator).wanted, needs_pressure=False, date_order=date_order)
+    time, strain, pressure = _read(path, wanted, window, None if channels is None else Path(channels))
     try:
-        result = Estimator(loaded.without_tables()).tare(strain, pressure, limits, known)
+        result = estimator.tare(strain, pressure, limits, known)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
     result = replace(result, notes=(*result.notes, *disagreements(reading_errors(time, strain), loaded)))
@@ -106,26 +104,10 @@ def tare(
 
 
 def _read(
-    inverse_map: InverseMap,
-    path: Path,
-    window: tuple[float, float],
-    channels: Path | None,
-    date_order: DateOrder | None,
+    path: Path, wanted: Wanted, window: tuple[float, float], channels: Path | None
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return times (n,), strain (n, n_d) and q_inf (n,) in the window; NaN where there is no q_inf."""
-    n, readings = inverse_map.n_strain_gauges, recorded_readings(reading_units(inverse_map))
-    parameters = flow_parameters(inverse_map).names
-    wanted = Wanted(
-        gauge_names=tuple(inverse_map.gauge_names[:n]),
-        # All that an estimator of the map takes: recordings to be estimated are of use here as they are.
-        flow=(*QUANTITIES, *parameters, *(f"{name}{STD}" for name in parameters), *readings),
-        sensors=inverse_map.thermal.sensor_names,
-        readings=readings,
-        needs_pressure=False,
-        computes_pressure=True,
-        date_order=date_order,
-    )
-    strains, pressures, times = [np.empty((0, n))], [np.empty(0)], [np.empty(0)]
+    strains, pressures, times = [np.empty((0, len(wanted.gauge_names)))], [np.empty(0)], [np.empty(0)]
     with open_recording(path, wanted, channels) as recording:
         for block in recording.blocks:
             times.append(block.time)

@@ -53,7 +53,7 @@ def test_a_recording_of_other_names_is_read_by_its_draft(
     )
     assert f"strainfmu estimate {synthetic.map_1} {data} -o loads.csv --channels {output}" in out
     found = load_channels(output)
-    assert {entry.gauge: (entry.name, entry.unit) for entry in found.channels} == {
+    assert {entry.quantity: (entry.name, entry.unit) for entry in found.strain} == {
         gauge: (name, "um/m") for gauge, name in zip(NAMES, names, strict=True)
     }
     assert (found.time, found.flow[0].name, found.flow[0].quantity) == ("Uhr", "Ma", "mach_number")
@@ -99,7 +99,7 @@ def test_a_draft_that_may_have_been_corrected_is_kept(synthetic: SyntheticFiles,
     data = recording(tmp_path / "r.csv", ["time", *(f"plant.strain[{i}]" for i in range(1, 7))])
     output = tmp_path / "channels.toml"
     channels(synthetic.map_1, data, output)
-    assert {entry.unit for entry in load_channels(output).channels} == {"m/m"}, "as strain[i] without a unit is"
+    assert {entry.unit for entry in load_channels(output).strain} == {"m/m"}, "as strain[i] without a unit is"
     output.write_text("corrected", encoding="utf-8")
     with pytest.raises(InputError, match=r"channels\.toml: expected a new file"):
         channels(synthetic.map_1, data, output)
@@ -111,4 +111,4 @@ def test_hostile_names_stay_a_file_of_toml(synthetic: SyntheticFiles, tmp_path: 
     data = tmp_path / "r.csv"
     data.write_text(",".join(headings) + "\n" + ",".join("0" * 8) + "\n", encoding="utf-8")
     channels(synthetic.map_1, data, tmp_path / "c.toml")
-    assert len(load_channels(tmp_path / "c.toml").channels) == 6
+    assert len(load_channels(tmp_path / "c.toml").strain) == 6

@@ -126,8 +126,8 @@ def found_faults(
     strain: np.ndarray, rows: int, noise: float = 3e-7, q: float = 1e5
 ) -> tuple[list[str], DataChecks]:
     """Return the faults of ``strain`` (n, 4) [m/m] in blocks of ``rows``, and what found them."""
-    selection = Selection(table=Table(Path("d.csv"), ()), wanted=Wanted(gauge_names=("a", "b", "c", "d")))
-    faults = DataChecks(selection, reference(noise), accepts_level=True)
+    wanted = Wanted(gauge_names=("a", "b", "c", "d"), reference=reference(noise))
+    faults = DataChecks(Selection(table=Table(Path("d.csv"), ()), wanted=wanted), accepts_level=True)
     time = 1e-2 * np.arange(len(strain))
     whole = Samples(time, strain, {"dynamic_pressure": np.full(len(strain), q)})
     blocks = [whole[i : i + rows] for i in range(0, len(strain), rows)]

@@ -20,7 +20,7 @@ import numpy as np
 from strainfmu.errors import InputError
 from strainfmu.estimator.signal_names import STRAIN
 from strainfmu.first_look import reads_well
-from strainfmu.recorded.table import Column, Reading, Stored, Table, constant, matrix_columns, table_of
+from strainfmu.recorded.table import Column, Reading, Table, constant, matrix_columns, table_of
 
 _LARGEST_TEXT = 1_000_000
 """Entries of a data set of texts beyond which they are not looked at."""
@@ -51,7 +51,7 @@ def hdf5_table(path: Path, reading: Reading, stack: ExitStack, is_matlab: bool =
 
 def _columns_of(
     path: Path, group: h5py.Group, around: tuple[str, ...], reading: Reading, is_matlab: bool
-) -> Iterator[Stored]:
+) -> Iterator[Column]:
     """Yield the columns of a group and of the groups in it, in their order."""
     # By names: a loop over items that a damaged file ends keeps the lock of h5py while its traceback lives.
     for key in list(group):
@@ -63,34 +63,32 @@ def _columns_of(
             continue
         elif item.dtype.names:
             for field in item.dtype.names:
-                yield _stored(Column(name=field, group=(*around, name)), item.shape, _field(item, field))
+                yield Column(name=field, group=(*around, name), rows=_rows(item.shape), read=_field(item, field))
         elif item.ndim == 0 and reading.is_known(name):
-            column = Column(name=name, unit=_unit(path, item), group=around)
-            yield Stored(column=column, rows=None, read=constant(item[()]))
+            yield Column(name=name, unit=_unit(path, item), group=around, read=constant(item[()]))
         elif _text(item.attrs.get("MATLAB_class", "")) != "char":  # what are no numbers is refused if read
             turned = is_matlab and item.ndim == 2
             shape = item.shape[::-1] if turned else item.shape
             names = matrix_columns(name, shape)
             for of_column, read in zip(names, _columns(item, len(names), turned), strict=True):
-                yield _stored(Column(name=of_column, unit=_unit(path, item), group=around), shape, read)
+                yield Column(name=of_column, unit=_unit(path, item), group=around, rows=_rows(shape), read=read)
 
 
-def _named(path: Path, file: h5py.File, stored: list[Stored]) -> list[Stored]:
+def _named(path: Path, file: h5py.File, columns: list[Column]) -> list[Column]:
     """Return the columns, of ``strain`` with the names of gauges that the file states."""
     item = file.get(_GAUGE_NAMES)
     if item is None or STRAIN not in file:
-        return stored
+        return columns
     names = [_text(name) for name in np.ravel(item[()])] if isinstance(item, h5py.Dataset) else []
-    places = [i for i, one in enumerate(stored) if one.column.name.partition("[")[0] == STRAIN]
+    places = [i for i, column in enumerate(columns) if column.name.partition("[")[0] == STRAIN]
     if len(names) != len(places):
         raise InputError(
             f"{path}: '{_GAUGE_NAMES}': expected a name of each of {len(places)} columns of '{STRAIN}', got "
             f"{len(names)}"
         )
     for i, name in zip(places, names, strict=True):
-        column = Column(name=name, unit=stored[i].column.unit, heading=f"{STRAIN}, {name}")
-        stored[i] = replace(stored[i], column=column)
-    return stored
+        columns[i] = replace(columns[i], name=name, full=name, group=(), heading=f"{STRAIN}, {name}")
+    return columns
 
 
 def _unit(path: Path, item: h5py.Dataset) -> str | None:
@@ -108,8 +106,8 @@ def _text(value: Any) -> str:
     return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
 
 
-def _stored(column: Column, shape: tuple[int, ...], read: Callable[[slice], Any]) -> Stored:
-    return Stored(column=column, rows=int(np.prod(shape)) if 1 in shape else shape[0], read=read)
+def _rows(shape: tuple[int, ...]) -> int:
+    return int(np.prod(shape)) if 1 in shape else shape[0]
 
 
 def _field(item: h5py.Dataset, name: str) -> Callable[[slice], Any]:

@@ -16,7 +16,7 @@ import numpy as np
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.recorded.formats.text import text_encoding
-from strainfmu.recorded.table import Column, Reading, Stored, Table, table_of
+from strainfmu.recorded.table import Column, Reading, Table, table_of
 from strainfmu.text_cells import Numerals, time_form
 
 BEGIN = "LabVIEW Measurement"
@@ -62,15 +62,14 @@ class _Segment:
 def lvm_table(path: Path, reading: Reading, stack: ExitStack) -> Table:
     """Open a LabVIEW measurement file; times are X_Value, or follow from X0 and Delta_X, behind Date and Time."""
     file = _File(path)
-    stored = []
+    columns = []
     for name in dict.fromkeys(name for segment in file.segments for name in segment.columns):
         time, values = file.series(name)
-        column = Column(name=name, unit=file.unit(name) or None)
         clock = None if time is None else (time.tobytes(), time.__getitem__)
         faults = [segment.faults[name] for segment in file.segments if name in segment.faults]
         read = partial(_values, values, faults)
-        stored.append(Stored(column=column, rows=len(values), read=read, clock=clock))
-    return table_of(path, stored, reading, file.remarks)
+        columns.append(Column(name=name, unit=file.unit(name) or None, rows=len(values), read=read, clock=clock))
+    return table_of(path, columns, reading, file.remarks)
 
 
 def _values(values: FloatArray, faults: Sequence[InputError], rows: slice) -> FloatArray:

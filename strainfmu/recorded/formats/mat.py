@@ -13,7 +13,7 @@ import numpy as np
 from strainfmu.errors import library
 from strainfmu.first_look import reads_well
 from strainfmu.recorded.formats.hdf5 import hdf5_table
-from strainfmu.recorded.table import Column, Reading, Stored, Table, constant, matrix_columns, table_of
+from strainfmu.recorded.table import Column, Reading, Table, constant, matrix_columns, table_of
 
 
 def mat_table(path: Path, reading: Reading, stack: ExitStack) -> Table:
@@ -31,7 +31,7 @@ def mat_table(path: Path, reading: Reading, stack: ExitStack) -> Table:
     return table_of(path, list(_columns(variables, (), reading)), reading)
 
 
-def _columns(entries: Mapping[str, Any], group: tuple[str, ...], reading: Reading) -> Iterator[Stored]:
+def _columns(entries: Mapping[str, Any], group: tuple[str, ...], reading: Reading) -> Iterator[Column]:
     """Yield the columns of the variables of a file, or of the fields of a structure."""
     for name, value in entries.items():
         if isinstance(value, dict):
@@ -40,13 +40,10 @@ def _columns(entries: Mapping[str, Any], group: tuple[str, ...], reading: Readin
         array = np.asarray(value)
         if array.size == 1 and array.dtype.kind in "fiub":
             if reading.is_known(name):
-                number = array.ravel()
-                yield Stored(column=_column(group, name), rows=None, read=constant(number))
+                full = ".".join((*group, name))
+                yield Column(name=name, group=group, full=full, read=constant(array.ravel()))
         elif array.ndim and array.size != 1:  # what are no numbers is refused where it is read
             names = matrix_columns(name, array.shape)
-            for i, values in enumerate([np.ravel(array)] if len(names) == 1 else array.T[: len(names)]):
-                yield Stored(column=_column(group, names[i]), rows=len(values), read=values.__getitem__)
-
-
-def _column(group: tuple[str, ...], name: str) -> Column:
-    return Column(name=name, group=group, full=".".join((*group, name)))
+            for of_column, values in zip(names, [np.ravel(array)] if len(names) == 1 else array.T, strict=False):
+                full = ".".join((*group, of_column))
+                yield Column(name=of_column, group=group, full=full, rows=len(values), read=values.__getitem__)

@@ -15,7 +15,7 @@ import numpy as np
 
 from strainfmu.errors import InputError, library
 from strainfmu.first_look import limited_memory, reads_well
-from strainfmu.recorded.table import Column, Reading, Stored, Table, table_of
+from strainfmu.recorded.table import Column, Reading, Table, table_of
 
 MAGIC = (b"MDF ", b"UnFinMF ")
 
@@ -41,21 +41,23 @@ def mdf_table(path: Path, reading: Reading, stack: ExitStack) -> Table:
     for group in file.groups:
         _check_places(path, group)
     rows = [_rows(file, group, path, remarks) for group in range(len(file.groups))]
-    stored = []
+    columns = []
     for name, at in places.items():
         at = [(group, i) for group, i in at if i != file.masters_db.get(group)]
         for group, i in at:
             is_known = reading.is_known(name.rpartition("/")[2])
             unit = file.get_channel_unit(name, group=group, index=i) if is_known else None
-            column = Column(
-                name=name,
-                unit=str(unit) if unit else None,
-                group=(_group(file, group),) if len(at) > 1 else (),
+            columns.append(
+                Column(
+                    name=name,
+                    unit=str(unit) if unit else None,
+                    group=(_group(file, group),) if len(at) > 1 else (),
+                    rows=rows[group],
+                    read=partial(_samples, file, group, i),
+                    clock=(("group", group), partial(_times, file, group)),
+                )
             )
-            read = partial(_samples, file, group, i)
-            clock = ("group", group), partial(_times, file, group)
-            stored.append(Stored(column=column, rows=rows[group], read=read, clock=clock))
-    return table_of(path, stored, reading, remarks)
+    return table_of(path, columns, reading, remarks)
 
 
 def _check_places(path: Path, group: Any) -> None:

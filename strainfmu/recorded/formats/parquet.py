@@ -44,7 +44,7 @@ def parquet_table(path: Path, reading: Reading, stack: ExitStack) -> Table:
                 for i, name in zip(indices, names, strict=True)
             ]
             first, end = end, end + batch.num_rows
-            yield Piece(np.arange(first + 1, end + 1), values, end)
+            yield np.arange(first + 1, end + 1), values, end
 
     return Table(path, (Frame(columns=columns, pieces=pieces, rows=rows, length=rows),))
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from strainfmu.errors import library
 from strainfmu.recorded.names import time_rank
-from strainfmu.recorded.table import Column, Reading, Stored, Table, as_seconds, table_of
+from strainfmu.recorded.table import Column, Reading, Table, as_seconds, table_of
 
 
 def tdms_table(path: Path, reading: Reading, stack: ExitStack) -> Table:
@@ -21,26 +21,24 @@ def tdms_table(path: Path, reading: Reading, stack: ExitStack) -> Table:
     nptdms.log.log_manager.set_level(logging.CRITICAL + 1)  # it warns of a damaged file on standard error
     file = stack.enter_context(nptdms.TdmsFile.open(str(path)))
     channels = [channel for group in file.groups() for channel in group.channels()]
-    timed = {(one.group_name, len(one)) for one in channels if time_rank(one.name) is not None}
-    starts = [one.properties["wf_start_time"] for one in channels if "wf_start_time" in one.properties]
-    stored = []
+    timed = {(channel.group_name, len(channel)) for channel in channels if time_rank(channel.name) is not None}
+    starts = [channel.properties.get("wf_start_time") for channel in channels]
+    first = min((start for start in starts if start is not None), default=None)
+    columns = []
     for channel in channels:
-        has_times = (channel.group_name, len(channel)) in timed
-        clock = None if has_times else _waveform(channel, min(starts, default=None))
-        stored.append(Stored(column=_column(channel), rows=len(channel), read=channel.__getitem__, clock=clock))
-    return table_of(path, stored, reading)
-
-
-def _column(channel: Any) -> Column:
-    is_dated = channel.dtype.kind == "M"
-    name = f"{channel.group_name}/{channel.name}"
-    unit = str(channel.properties.get("unit_string") or "") or None
-    return Column(
-        name=channel.name,
-        unit="s" if is_dated else unit,
-        group=(channel.group_name,),
-        dated=as_seconds(name) if is_dated else "",
-    )
+        is_dated, has_times = channel.dtype.kind == "M", (channel.group_name, len(channel)) in timed
+        columns.append(
+            Column(
+                name=channel.name,
+                unit="s" if is_dated else str(channel.properties.get("unit_string") or "") or None,
+                group=(channel.group_name,),
+                dated=as_seconds(f"{channel.group_name}/{channel.name}") if is_dated else "",
+                rows=len(channel),
+                read=channel.__getitem__,
+                clock=None if has_times else _waveform(channel, first),
+            )
+        )
+    return table_of(path, columns, reading)
 
 
 def _waveform(channel: Any, first: Any) -> tuple[Hashable, Any] | None:

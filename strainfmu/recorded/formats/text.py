@@ -417,7 +417,7 @@ class _Reader:
                 lines, values = self._without_empty_end(*read)
                 if len(lines):
                     has_samples = True
-                    yield Piece(lines, values, position)
+                    yield lines, values, position
         if not has_samples or len(self._doubtful) > LONGEST_FOOTER:
             self._refuse_doubtful()
         footer = sorted({*self._empty, *(line for line, *_ in self._doubtful)})

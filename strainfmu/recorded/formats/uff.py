@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from strainfmu.errors import InputError, library
-from strainfmu.recorded.table import Column, Reading, Stored, Table, table_of
+from strainfmu.recorded.table import Column, Reading, Table, table_of
 
 _OF_TIME = (0, 1)
 """Types of functions that are series over time: general or unknown, time response."""
@@ -42,17 +42,16 @@ def uff_table(path: Path, reading: Reading, stack: ExitStack) -> Table:
     series = [data for data in sets if _is_series(data)]
     if not series:
         raise InputError(f"{path}: no series over time found, expected data sets 58 of real numbers over time")
-    stored = []
+    columns = []
     for name, data in zip(_names(series), series, strict=True):
         values, time, stated = np.asarray(data["data"]), np.asarray(data["x"], dtype=float), int(data["num_pts"])
         if len(values) != stated:
             raise InputError(f"{path}: column '{name}': damaged, {len(values)} of {stated} values found")
-        column = Column(name=name, unit=_text(data.get("ordinate_axis_units_lab")) or None)
-        clock = time.tobytes(), time.__getitem__
-        stored.append(Stored(column=column, rows=stated, read=values.__getitem__, clock=clock))
+        unit, clock = _text(data.get("ordinate_axis_units_lab")) or None, (time.tobytes(), time.__getitem__)
+        columns.append(Column(name=name, unit=unit, rows=stated, read=values.__getitem__, clock=clock))
     more = len(sets) - len(series)
     remarks = [f"{path}: {more} data sets that are no series over time are not read"] if more else []
-    return table_of(path, stored, reading, remarks)
+    return table_of(path, columns, reading, remarks)
 
 
 def _is_series(data: dict[str, Any]) -> bool:

@@ -74,9 +74,9 @@ def test_channels_of_a_universal_file(tmp_path: Path) -> None:
     pyuff.UFF(str(path)).write_sets([*sets, spectrum], mode="overwrite")
     with open_table(path, Reading()) as file:
         assert file.names == ["7-Z", "8-Z"]
-        assert [column.unit for column in file.places.values()] == ["um/m", "um/m"]
-        (piece,) = file.frames[0].pieces([0, 2])
-        np.testing.assert_allclose(piece.values, [TIME, value + 1], rtol=1e-9, atol=1e-12)
+        assert [column.unit for column in file.columns] == ["um/m", "um/m"]
+        ((_, values, _),) = file.frames[0].pieces([0, 2])
+        np.testing.assert_allclose(values, [TIME, value + 1], rtol=1e-9, atol=1e-12)
         assert file.remarks == [f"{path}: 1 data sets that are no series over time are not read"]
     pyuff.UFF(str(path)).write_sets(sets[0], mode="overwrite")
     lines = path.read_text().splitlines(keepends=True)
