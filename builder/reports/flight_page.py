@@ -173,7 +173,7 @@ def _faulty(summary: EstimationSummary) -> list[tuple[str, str, int, float, floa
                 rows.append((name, kind, fault.rows, fault.begin, largest))
     named = {name for name, *_ in rows}
     ranked = sorted(misfits.items(), key=lambda item: -item[1].samples)
-    blamed = {name for counts in summary.account.blamed.values() for name in counts}
+    blamed = {name for counts in summary.blamed.values() for name in counts}
     for name, misfit in ranked:
         if name not in named and name in blamed and misfit.largest > _FEW:
             rows.append((name, FITS_WORST, misfit.samples, float("nan"), misfit.largest))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence, Set
 from dataclasses import dataclass
 from difflib import SequenceMatcher
 from functools import lru_cache
@@ -26,7 +26,7 @@ from strainfmu.interface.parameter_variables import PREFIX
 from strainfmu.interface.sensor_variables import PREFIX as SENSOR_PREFIX
 from strainfmu.interface.sensor_variables import THRUST
 from strainfmu.recorded.channel_map import SIGNAL_UNITS
-from strainfmu.recorded.estimators import BlockEstimator, open_estimator
+from strainfmu.recorded.estimators import open_estimator
 from strainfmu.recorded.formats import open_table
 from strainfmu.recorded.names import (
     OTHER_NAMES,
@@ -35,14 +35,13 @@ from strainfmu.recorded.names import (
     is_temperature,
     last_part,
     plain_name,
-    quantity_of,
     scale_of,
     some_of,
     strain_number,
     time_rank,
     time_unit,
 )
-from strainfmu.recorded.table import Column, Reading, Table
+from strainfmu.recorded.table import Reading, Table
 from strainfmu.units import STRAIN_UNITS
 
 BY_NAME, BY_PLACE, BY_ORDER = "by name", "by roll angle and station number", "by order, a guess"
@@ -97,11 +96,6 @@ class ChannelDraft:
     units: Mapping[str, str]
     free: tuple[str, ...]
 
-    @property
-    def missing(self) -> tuple[str, ...]:
-        """Gauges without a channel."""
-        return tuple(gauge for gauge in self.gauges if gauge not in self.channel)
-
     def summary(self) -> str:
         """Return how many gauges have a channel, and on what evidence."""
         reasons = list(self.reason.values())
@@ -111,11 +105,11 @@ class ChannelDraft:
     def remarks(self) -> list[str]:
         """Return what the file lacks: gauges without a channel, channels without an entry or a unit."""
         lacks = {
-            "without a channel": self.missing,
+            "without a channel": [gauge for gauge in self.gauges if gauge not in self.channel],
             "without an entry, not read": self.free,
-            "without a unit, which [defaults] of the file must state": tuple(
+            "without a unit, which [defaults] of the file must state": [
                 name for name in self.channel.values() if self._unit(name) is None
-            ),
+            ],
         }
         return [f"{what}: {some_of(names)}" for what, names in lacks.items() if names]
 
@@ -128,7 +122,22 @@ class ChannelDraft:
             "# The file of a ground test names it under [readings]: channels.",
             "# All entries: docs/howto/recorder_channels.md",
         ]
-        lines = [*map(_printable, head), "", *self._defaults()]
+        lines = [*map(_printable, head), ""]
+        if self.time is not None:
+            lines += _entry("[time]", {"channel": self.time})
+        elif not self.has_time:
+            lines += ["# No channel of time was found: name it, or state the rate.", "[time]"]
+            lines += ['# channel = "NAME"', "# rate_hz = 1000.0", ""]
+        units = {self._unit(name) for name in self.channel.values()}
+        lines.append("[defaults]")
+        if None in units or not units:
+            lines.append(
+                '# unit = "um/m"             # the recording states none for some channels: state it here'
+            )
+        lines.append('# bridge = "quarter"')
+        if units - {None, *STRAIN_UNITS}:
+            lines.append("# gauge_factor = 2.0        # needed for mV/V and V")
+        lines.append("")
         for gauge in self.gauges:
             lines += self._gauge(gauge, self.channel.get(gauge))
         for quantity, name in self.flow.items():
@@ -144,21 +153,6 @@ class ChannelDraft:
             more = " .." if len(self.free) > 20 else ""
             lines.append(f"# Channels without an entry: {_printable(', '.join(self.free[:20]))}{more}")
         return "\n".join([*lines, ""])
-
-    def _defaults(self) -> Iterator[str]:
-        if self.time is not None:
-            yield from _entry("[time]", {"channel": self.time})
-        elif not self.has_time:
-            yield from ("# No channel of time was found: name it, or state the rate.", "[time]")
-            yield from ('# channel = "NAME"', "# rate_hz = 1000.0", "")
-        yield "[defaults]"
-        units = {self._unit(name) for name in self.channel.values()}
-        if None in units or not units:
-            yield '# unit = "um/m"             # the recording states none for some channels: state it here'
-        yield '# bridge = "quarter"'
-        if any(unit not in STRAIN_UNITS for unit in units if unit is not None):
-            yield "# gauge_factor = 2.0        # needed for mV/V and V"
-        yield ""
 
     def _gauge(self, gauge: str, name: str | None) -> list[str]:
         """Return the entry of a gauge."""
@@ -223,16 +217,29 @@ def channels(
 def channel_draft(source: Path, recording: Path) -> ChannelDraft:
     """Return the channels that ``recording`` most likely has for ``source``; errors as :func:`channels`."""
     with open_estimator(source) as estimator:
-        gauges, quantities = estimator.wanted.gauge_names, _quantities(estimator)
+        gauges, readings = estimator.wanted.gauge_names, estimator.wanted.readings
         places = _places(estimator.inverse_map, gauges)
-    known = {plain_name(name) for name in gauges}
-    with open_table(recording, Reading(is_known=lambda name: plain_name(name) in known)) as table:
-        headings = {plain_name(column.name) for column in table.columns}
-    with open_table(recording, Reading(is_known=lambda name: plain_name(name) in headings)) as table:
-        columns = {column.full: column for column in table.columns}
-        time, has_time = _time(table)
-    units = {name: column.unit for name, column in columns.items() if column.unit}
-    names = [name for name, one in columns.items() if name != time and not _needs_none(one, quantities)]
+        quantities = (
+            *QUANTITIES,
+            *estimator.wanted.temperatures,
+            *(f"{PREFIX}{name}" for name in estimator.parameters),
+            *(name if name == THRUST else f"{SENSOR_PREFIX}{name}" for name in readings),
+        )
+    table = _table(recording, {plain_name(name) for name in gauges})
+    table = _table(recording, {plain_name(column.name) for column in table.columns})
+    time, has_time = _time(table)
+    units = {column.full: column.unit for column in table.columns if column.unit}
+    ends = {quantity.rpartition(".")[2] for quantity in quantities}
+    # A time, an output of an FMU, or a quantity by its own name needs no entry.
+    names = [
+        column.full
+        for column in table.columns
+        if column.full != time
+        and time_rank(column.name) is None
+        and not is_signal(column.name)
+        and last_part(column.name) not in ends
+        and not is_temperature(column.name)
+    ]
     channel = _named(gauges, names)
     reason = dict.fromkeys(channel, BY_NAME)
     flow, guesses = _flow_channels(quantities, [name for name in names if name not in channel.values()], units)
@@ -265,14 +272,10 @@ def channel_draft(source: Path, recording: Path) -> ChannelDraft:
     )
 
 
-def _quantities(estimator: BlockEstimator) -> tuple[str, ...]:
-    """Return all that a channel of the flow may be, as channels.toml names it."""
-    return (
-        *QUANTITIES,
-        *estimator.wanted.temperatures,
-        *(f"{PREFIX}{name}" for name in estimator.parameters),
-        *(name if name == THRUST else f"{SENSOR_PREFIX}{name}" for name in estimator.wanted.readings),
-    )
+def _table(recording: Path, known: Set[str]) -> Table:
+    """Return the table of a recording whose headings are the line with most of the ``known`` names."""
+    with open_table(recording, Reading(is_known=lambda name: plain_name(name) in known)) as table:
+        return table
 
 
 def _time(table: Table) -> tuple[str | None, bool]:
@@ -283,17 +286,6 @@ def _time(table: Table) -> tuple[str | None, bool]:
     by_unit = [column.full for column in table.columns if time_unit(column.unit or "") is not None]
     time = next(iter([*sorted(times), *by_unit]), None)
     return time, time is not None
-
-
-def _needs_none(column: Column, quantities: Sequence[str]) -> bool:
-    """Return whether a channel needs no entry: a time, an output of an FMU, or a quantity by its own name."""
-    ends = {quantity.rpartition(".")[2] for quantity in quantities}
-    return (
-        time_rank(column.name) is not None
-        or is_signal(column.name)
-        or quantity_of(column.name, ()) in ends
-        or is_temperature(column.name)
-    )
 
 
 def _named(gauges: Sequence[str], names: Sequence[str]) -> dict[str, str]:
@@ -372,16 +364,14 @@ def _best_pairs(gauges: Mapping[str, Place], names: Sequence[str]) -> dict[str, 
     """Return the most channels, one for each gauge, of any two places of numbers in the names."""
     numbers = {name: _parts(name)[1] for name in names}
     width = max(map(len, numbers.values()), default=0)
+    full = {name: values for name, values in numbers.items() if len(values) == width}
     best: dict[str, str] = {}
     for of_roll, of_station in permutations(range(width), 2):
         pairs = {}
-        stated = {
-            name: (values[of_roll] % 360, values[of_station])
-            for name, values in numbers.items()
-            if len(values) == width
-        }
         for gauge, (_, roll, stations) in gauges.items():
-            fitting = [name for name, (angle, station) in stated.items() if angle == roll and station in stations]
+            fitting = [
+                name for name, ns in full.items() if ns[of_roll] % 360 == roll and ns[of_station] in stations
+            ]
             if len(fitting) == 1:
                 pairs[gauge] = fitting[0]
         if len(pairs) > len(best) and len(set(pairs.values())) == len(pairs):

@@ -10,7 +10,7 @@ while others change, stands still; it is named, and on demand taken out.
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from math import ceil, erf, exp, inf, log, sqrt
 
 import numpy as np
@@ -131,48 +131,41 @@ class RunLengths:
         return np.asarray(np.take_along_axis(so_far, end, axis=0)[:k])
 
 
+@dataclass(eq=False)
 class DataChecks:
     """Checks the blocks of one file, and takes out what no gauge has measured.
 
-    Parameters
+    Attributes
     ----------
-    selection : what is read of the file.
+    selection : what is read of the file, by an estimator that states the strains it expects.
     zero : (n_d,) or one zero that it subtracts [m/m].
     accepts_level, accepts_held : whether strains of another level, and rows that do not change, are estimated.
     leaves_out_dead : whether readings of gauges that repeat themselves are taken out.
-
-    Attributes
-    ----------
+    missing : number of strains without a value, by gauge, of those that are not left out.
     railed, dead : gauges beyond what a flow gives, and gauges that repeat their reading, by name.
     """
 
-    def __init__(
-        self,
-        selection: Selection,
-        *,
-        zero: FloatArray | float = 0.0,
-        accepts_level: bool = False,
-        accepts_held: bool = False,
-        leaves_out_dead: bool = False,
-    ) -> None:
+    selection: Selection
+    zero: FloatArray | float = 0.0
+    accepts_level: bool = False
+    accepts_held: bool = False
+    leaves_out_dead: bool = False
+    missing: Counter[str] = field(default_factory=Counter)
+    railed: dict[str, FaultRows] = field(default_factory=dict)
+    dead: dict[str, FaultRows] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        selection = self.selection
         assert selection.wanted.reference is not None, "an estimator states it"
-        self._selection, self._names = selection, selection.wanted.gauge_names
-        self._reference = reference = selection.wanted.reference
-        self._zero, self._largest_zero = zero, float(np.max(np.abs(zero), initial=0.0))
-        self._accepts_held, self._leaves_out_dead = accepts_held, leaves_out_dead
+        self._reference, self._names = selection.wanted.reference, selection.wanted.gauge_names
+        self._largest_zero = float(np.max(np.abs(self.zero), initial=0.0))
         self._resolution, self._longest = inf, np.full(len(self._names), 1.0)
         self._of_gauges, self._of_rows = RunLengths(len(self._names)), RunLengths(1)
         self._held, self._zeros = FaultRows(), FaultRows()
-        self.railed, self.dead = dict[str, FaultRows](), dict[str, FaultRows]()
         self._same: BoolArray | None = None
-        self._rows, self._missing, self._known = 0, Counter[str](), Counter[str]()
+        self._rows, self._known = 0, Counter[str]()
         factor, pressure = selection.strain_factor, selection.pressure_name
-        self._level = LevelCheck(selection.path, reference, factor, not accepts_level, pressure)
-
-    @property
-    def missing(self) -> Counter[str]:
-        """Number of strains without a value, by gauge, of those that are not left out."""
-        return Counter({name: k for name, k in self._missing.items() if name not in self._selection.excluded})
+        self._level = LevelCheck(selection.path, self._reference, factor, not self.accepts_level, pressure)
 
     def notes(self) -> list[str]:
         """Return what is to be said of the whole file.
@@ -182,20 +175,22 @@ class DataChecks:
         InputError
             The level of the strains is far below the map's.
         """
-        path, excluded, held, zeros = self._selection.path, self._selection.excluded, self._held, self._zeros
+        path, excluded, held, zeros = self.selection.path, self.selection.excluded, self._held, self._zeros
         ahead = [f"{path}: left out by --exclude: {', '.join(excluded)}"] if excluded else []
         ahead, notes = [*ahead, *self._level.notes()], list[str]()
         if held.rows:
             way = "which are left out; --accept-held estimates them"
             notes.append(
                 f"no gauge changes in {held.rows} rows, to the last bit, the first at {held.begin:g} s: the "
-                f"recorder holds its last values, {'estimated all the same' if self._accepts_held else way}"
+                f"recorder holds its last values, {'estimated all the same' if self.accepts_held else way}"
             )
         if zeros.rows:
             notes.append(
                 f"all gauges read exactly zero in {zeros.rows} rows, the first at {zeros.begin:g} s: left out"
             )
-        railed = sorted(self.railed.items(), key=lambda item: -item[1].rows)
+        railed, dead = (
+            sorted(faults.items(), key=lambda item: -item[1].rows) for faults in (self.railed, self.dead)
+        )
         notes += [
             f"'{name}' reads {1e6 * fault.largest:.6g} um/m, which no flow of the map gives, in {fault.rows} "
             f"rows, the first at {fault.begin:g} s: left out there; --exclude '{name}' leaves it out everywhere"
@@ -203,8 +198,7 @@ class DataChecks:
         ]
         if len(railed) > _NAMED:
             notes.append(f"{len(railed) - _NAMED} other gauges do so too: the column strain_faults names them")
-        if self.dead:
-            dead = sorted(self.dead.items(), key=lambda item: -item[1].rows)
+        if dead:
             shown = "; ".join(
                 f"'{name}' in {fault.rows}, from {fault.begin:g} s on" for name, fault in dead[:_NAMED]
             )
@@ -212,10 +206,10 @@ class DataChecks:
             way = f"--exclude {','.join(name for name, _ in dead)}, or --exclude auto, leaves them out"
             notes.append(
                 f"gauges that stand still while others change, of {self._rows} rows: {shown}{more}: "
-                f"{'left out there by --exclude auto' if self._leaves_out_dead else way}"
+                f"{'left out there by --exclude auto' if self.leaves_out_dead else way}"
             )
         slow = {name: known for name, known in self._known.items() if 1 < known < _SLOW * self._rows}
-        if slow and self._selection.channel_map is None:
+        if slow and self.selection.channel_map is None:
             shown = some_of([f"{name} ({known})" for name, known in slow.items()])
             notes.append(
                 f"values in few of {self._rows} rows: {shown}; the others have none. --channels channels.toml "
@@ -232,19 +226,16 @@ class DataChecks:
             The level of the strains is far above the map's.
         """
         same = repeated(block.strain, np.full(len(self._names), inf)) if self._same is None else self._same
-        self._same = same[:0] if following is None else repeated(following.strain, block.strain[-1])
-        return self._without_faults(block, same, self._same)
-
-    def _without_faults(self, block: Samples, same: BoolArray, following: BoolArray) -> Samples:
-        """Return ``block`` with its faults; ``same`` of its rows, and of those ``following``, as of RunLengths."""
+        same_next = same[:0] if following is None else repeated(following.strain, block.strain[-1])
+        self._same = same_next
         strain, known = block.strain, np.isfinite(block.strain)
         if not known.all():
-            missing = (len(known) - np.count_nonzero(known, axis=0)).tolist()
-            self._missing.update({name: k for name, k in zip(self._names, missing, strict=True) if k})
+            missing = zip(self._names, (len(known) - np.count_nonzero(known, axis=0)).tolist(), strict=True)
+            self.missing.update({name: k for name, k in missing if k and name not in self.selection.excluded})
         self._find_resolution(strain[:_SAMPLED][known[:_SAMPLED]])
         has_values, longest = known.any(axis=1), self._longest
         zero = has_values & _is_zero(strain) & ~(block.dynamic_pressure <= 0.0)
-        of_rows, next_rows = np.asarray(same.all(axis=1)), np.asarray(following.all(axis=1))
+        of_rows, next_rows = np.asarray(same.all(axis=1)), np.asarray(same_next.all(axis=1))
         row_same = of_rows & has_values
         runs = self._of_rows.take(row_same[:, None], next_rows[:, None])[:, 0]
         if not self._rows:  # nothing shows that the first row of the file is new
@@ -261,7 +252,7 @@ class DataChecks:
         is_bearable = not np.any(np.fmax.reduce(size, axis=1) > most)
         if may_stand_still or not is_bearable:
             is_sound = ~(zero | held)[:, None]
-            stands_still = self._of_gauges.take(alone, following & ~next_rows[:, None]) >= limit
+            stands_still = self._of_gauges.take(alone, same_next & ~next_rows[:, None]) >= limit
             railed = self._is_railed(strain, size, bearable, stands_still) & is_sound
             dead = stands_still & known & ~railed & is_sound
         else:
@@ -275,7 +266,7 @@ class DataChecks:
 
     def _size(self, strain: FloatArray) -> FloatArray:
         """Return (n, n_d) sizes of strains without their zeros."""
-        return np.abs(strain - self._zero if self._largest_zero else strain)
+        return np.abs(strain - self.zero if self._largest_zero else strain)
 
     def _marked(
         self, block: Samples, *, held: BoolArray, zero: BoolArray, railed: BoolArray, dead: BoolArray
@@ -286,7 +277,7 @@ class DataChecks:
             for gauge in np.flatnonzero(faults.any(axis=0)).tolist():
                 rows = kinds.setdefault(self._names[gauge], FaultRows())
                 rows.add(time, faults[:, gauge], strain[:, gauge])
-        if self._leaves_out_dead:
+        if self.leaves_out_dead:
             railed = railed | dead
         if not (held.any() or zero.any() or railed.any()):
             return replace(block, faults=("",) * len(time))
@@ -295,7 +286,7 @@ class DataChecks:
         texts = [HELD if h else ZERO if z else "" for h, z in zip(held.tolist(), zero.tolist(), strict=True)]
         for row in np.flatnonzero(railed.any(axis=1)).tolist():
             texts[row] = ";".join(self._names[gauge] for gauge in np.flatnonzero(railed[row]))
-        taken = railed | (zero if self._accepts_held else zero | held)[:, None]
+        taken = railed | (zero if self.accepts_held else zero | held)[:, None]
         return replace(block, strain=np.where(taken, np.nan, strain), faults=tuple(texts))
 
     def _find_resolution(self, strain: FloatArray) -> None:

@@ -145,7 +145,7 @@ def estimate_file(
                             for row in estimates.suspects
                         ]
                         writer.write([*shown, suspects, block.faults])
-                    summary.add(block, estimates, estimator)
+                    summary.add(block, estimates, estimator.row_names)
                     watch.add(block, estimates.values[STATE])
                     if series is not None and estimates.estimates is not None:
                         series.write((block.time, estimates.estimates))

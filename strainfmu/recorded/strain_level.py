@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import log10
 from pathlib import Path
 
@@ -21,7 +21,7 @@ TOO_LOW = 1.0 / 300.0
 """Fraction of the level at the data's q_inf below which strains are refused: gauge noise alone gives more."""
 
 _UNITS = (("um/m", 1e-6), ("mm/m", 1e-3), ("percent", 1e-2), ("m/m", 1.0))
-_PRESSURE_UNITS = {unit: PRESSURE_UNITS[unit] for unit in ("Pa", "hPa", "kPa", "bar", "MPa", "psi", "psf")}
+_PRESSURE_UNITS = ("Pa", "hPa", "kPa", "bar", "MPa", "psi", "psf")
 _FLOWN = (0.008, 4.0)
 """Largest strain of a recording over the snapshots' strain: 0.016 on the shipped vehicle without incidence."""
 _TYPICAL = 0.4
@@ -99,28 +99,25 @@ def _raised_level(level: FloatArray, size: FloatArray) -> FloatArray:
     return raised
 
 
+@dataclass(eq=False)
 class LevelCheck:
     """Compares the strains of a file with the map's, block by block.
 
-    Parameters
+    Attributes
     ----------
     factor : of the unit of the strains, to m/m.
     refuses : whether another level is refused; else a note says so.
-    pressure : the quantity that q_inf comes from, and the factor of its unit to Pa; None of an altitude.
+    source : the quantity that q_inf comes from, and the factor of its unit to Pa; None of an altitude.
+    level, pressure : (n_d,) level of each gauge [m/m] and largest q_inf [Pa] so far.
     """
 
-    def __init__(
-        self,
-        path: Path,
-        reference: LevelReference,
-        factor: float,
-        refuses: bool = True,
-        pressure: tuple[str, float] | None = (DYNAMIC_PRESSURE, 1.0),
-    ) -> None:
-        self._path, self._reference, self._factor, self._refuses = path, reference, factor, refuses
-        self._stated = pressure
-        self._level = np.full(len(reference.strain_range), np.nan)
-        self._pressure = float("nan")
+    path: Path
+    reference: LevelReference
+    factor: float
+    refuses: bool = True
+    source: tuple[str, float] | None = (DYNAMIC_PRESSURE, 1.0)
+    level: FloatArray = field(default_factory=lambda: np.array(np.nan))
+    pressure: float = float("nan")
 
     def add(self, size: FloatArray, dynamic_pressure: FloatArray) -> None:
         """Add a block: |strain| (n, n_d) [m/m], q_inf (n,) [Pa].
@@ -130,10 +127,10 @@ class LevelCheck:
         InputError
             The level is far above the level of the map.
         """
-        self._level = _raised_level(self._level, size)
+        self.level = _raised_level(np.broadcast_to(self.level, size.shape[1:]), size)
         with np.errstate(invalid="ignore"):
-            self._pressure = float(np.fmax(self._pressure, np.fmax.reduce(dynamic_pressure)))
-        if self._refuses and self._above() > TOO_HIGH:
+            self.pressure = float(np.fmax(self.pressure, np.fmax.reduce(dynamic_pressure)))
+        if self.refuses and self._above() > TOO_HIGH:
             raise InputError(self._text(self._above()))
 
     def notes(self) -> list[str]:
@@ -145,24 +142,24 @@ class LevelCheck:
             The level is far below the level of the map at the same dynamic pressure.
         """
         above, below = self._above(), self._below()
-        if self._reference.ratio(self._level) == 0.0:
-            return [f"{self._path}: half of the gauges or more read 0 throughout"]
-        if below < TOO_LOW and self._refuses:
+        if self.reference.ratio(self.level) == 0.0:
+            return [f"{self.path}: half of the gauges or more read 0 throughout"]
+        if below < TOO_LOW and self.refuses:
             raise InputError(self._text(below))
-        if above > TOO_HIGH:
-            return [self._text(above)]
-        return [self._text(below)] if below < TOO_LOW else self._pressure_notes()
+        if above > TOO_HIGH or below < TOO_LOW:
+            return [self._text(above if above > TOO_HIGH else below)]
+        return self._pressure_notes()
 
     def _pressure_notes(self) -> list[str]:
         """Return a note on a q_inf that the map does not cover, and that would fit the strains in another unit."""
-        reference, q = self._reference, self._pressure
+        reference, q = self.reference, self.pressure
         nominal = reference.dynamic_pressure
         low, high = reference.pressure_range or (0.1 * nominal, 10.0 * nominal)
-        suggested = reference.ratio(self._level) / _TYPICAL * nominal
-        if self._stated is None or not q > 0.0 or low <= q <= high or not suggested > 0.0:
+        suggested = reference.ratio(self.level) / _TYPICAL * nominal
+        if self.source is None or not q > 0.0 or low <= q <= high or not suggested > 0.0:
             return []
-        name, factor = self._stated
-        in_unit = {unit: q * other / factor for unit, other in _PRESSURE_UNITS.items()}
+        name, factor = self.source
+        in_unit = {unit: q * PRESSURE_UNITS[unit] / factor for unit in _PRESSURE_UNITS}
         likely = [unit for unit, value in in_unit.items() if 1.0 / _EXPLAINED < value / suggested < _EXPLAINED]
         if not likely or max(q / suggested, suggested / q) < TOO_HIGH:
             return []
@@ -172,37 +169,39 @@ class LevelCheck:
         if reference.pressure_range is None:
             covered = f"the nominal one, {nominal:.4g} Pa"
         return [
-            f"{self._path}: {name}: q_inf is {q:.4g} Pa at most, {q / nominal:.1g} times {covered}, and strains "
+            f"{self.path}: {name}: q_inf is {q:.4g} Pa at most, {q / nominal:.1g} times {covered}, and strains "
             f"do not fit it: likely in {' or '.join(likely)}; {way}"
         ]
 
     def _above(self) -> float:
         """Return the level over the map's, at a q_inf that may be above the map's."""
-        over = self._pressure / self._reference.dynamic_pressure
-        return self._reference.ratio(self._level) / (min(over, 10.0) if over > 1.0 else 1.0)
+        return self.reference.ratio(self.level) / max(1.0, min(self._flown(), 10.0))
 
     def _below(self) -> float:
         """Return the level over the map's at the data's largest q_inf; NaN where noise would hide the strains."""
-        reference = self._reference
-        part = min(self._pressure / reference.dynamic_pressure, 1.0)
-        if not part > 0.0:
-            return float("nan")
+        reference, part = self.reference, min(self._flown(), 1.0)
         noise = reference.noise_std[reference.seen]
         expected = part * reference.strain_range[reference.seen]
-        if part < 0.1 or not len(noise) or float(np.median(expected - _OF_NOISE * noise)) <= 0.0:
+        if not part >= 0.1 or not len(noise) or float(np.median(expected - _OF_NOISE * noise)) <= 0.0:
             return float("nan")
-        return reference.ratio(self._level) / part
+        return reference.ratio(self.level) / part
+
+    def _flown(self) -> float:
+        """Return the data's largest q_inf over the nominal one, 0 where none is known."""
+        return float(np.fmax(self.pressure / self.reference.dynamic_pressure, 0.0))
 
     def _text(self, ratio: float) -> str:
-        seen, units = self._reference.seen & np.isfinite(self._level), likely_units(ratio, self._factor)
-        read, expected = (1e6 * float(np.max(of[seen])) for of in (self._level, self._reference.strain_range))
+        seen, units = self.reference.seen & np.isfinite(self.level), likely_units(ratio, self.factor)
+        read, expected = (
+            1e6 * float(np.max(values[seen])) for values in (self.level, self.reference.strain_range)
+        )
         likely, example = "no unit explains it", ""
         if units:
-            names = (name for name, value in _UNITS if abs(value - self._factor) <= 1e-9 * self._factor)
-            likely = f"likely in {' or '.join(units)}, not {next(names, f'{self._factor:g} m/m')}"
+            names = (name for name, value in _UNITS if abs(value - self.factor) <= 1e-9 * self.factor)
+            likely = f"likely in {' or '.join(units)}, not {next(names, f'{self.factor:g} m/m')}"
             example = f", as in 'strain[1] [{units[0]}]'"
-        way = f"; state the unit{example}, or give --accept-strain-level" if self._refuses else ""
+        way = f"; state the unit{example}, or give --accept-strain-level" if self.refuses else ""
         return (
-            f"{self._path}: strains are {ratio:.2g} times the map's, {read:.3g} um/m against {expected:.3g} um/m: "
+            f"{self.path}: strains are {ratio:.2g} times the map's, {read:.3g} um/m against {expected:.3g} um/m: "
             f"{likely}{way}"
         )

@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -25,7 +25,7 @@ from strainfmu.interface.enumerations import HEALTH_ITEMS
 from strainfmu.interface.estimator_variables import LOADS
 from strainfmu.interface.health_names import ENVELOPE_SCORE, STATE, USABLE
 from strainfmu.recorded.checks import DataChecks
-from strainfmu.recorded.estimators import BlockEstimates, BlockEstimator
+from strainfmu.recorded.estimators import BlockEstimates
 from strainfmu.recorded.outputs import ENVELOPE_SCORE_LIMIT
 from strainfmu.recorded.samples import Gaps, Samples
 from strainfmu.records import brief
@@ -61,8 +61,7 @@ _RANKS = np.array([float(_NAMES.index(name)) for name in (*HealthState.__members
 """Place of each number of a state in that order, last of -1."""
 
 
-@dataclass
-class Peak:
+class Peak(NamedTuple):
     """The largest |load| among usable samples: value, standard deviation, time [s]; NaN without any."""
 
     value: float = float("nan")
@@ -70,8 +69,7 @@ class Peak:
     time: float = float("nan")
 
 
-@dataclass
-class Period:
+class Period(NamedTuple):
     """Successive samples in one state in which loads are not usable: times of the first and the last [s]."""
 
     state: str
@@ -80,8 +78,7 @@ class Period:
     samples: int
 
 
-@dataclass
-class Misfit:
+class Misfit(NamedTuple):
     """A gauge that does not fit the others: samples in which it fits worst, and its largest |z|."""
 
     samples: int = 0
@@ -114,25 +111,20 @@ class History:
         usable = values[USABLE] > 0.0
         pressure = values.get(f"air_data.{DYNAMIC_PRESSURE}", unknown)
         shown_pressure = np.where(np.isnan(block.dynamic_pressure), pressure, block.dynamic_pressure)
-        columns = [
-            block.time,
-            shown_pressure,
-            _RANKS[health],
-        ]
-        columns += [values.get(f"{of}{name}", unknown) for name in _SHOWN for of in ("", SIGMA)]
-        self._collect(np.column_stack(columns))
+        shown = (values.get(f"{sigma}{name}", unknown) for name in _SHOWN for sigma in ("", SIGMA))
+        self._collect(np.column_stack([block.time, shown_pressure, _RANKS[health], *shown]))
         for name, peak in self.peaks.items():
             size = np.where(usable, np.abs(values[name]), np.nan)
             if not (largest := np.fmax.reduce(size)) <= abs(peak.value) and largest >= 0.0:
                 row = int(np.nanargmax(size))
-                sigma = float(values[f"{SIGMA}{name}"][row])
-                self.peaks[name] = Peak(float(values[name][row]), sigma, float(block.time[row]))
+                of_row = (values[name][row], values[f"{SIGMA}{name}"][row], block.time[row])
+                self.peaks[name] = Peak(*map(float, of_row))
         if not usable.all():
             self._add_periods(block.time, health)
         for row in np.flatnonzero(estimates.worst >= 0).tolist():
-            misfit = self.misfits.setdefault(row_names[int(estimates.worst[row])], Misfit())
-            misfit.samples += 1
-            misfit.largest = max(misfit.largest, float(estimates.worst_residual[row]))
+            gauge = row_names[int(estimates.worst[row])]
+            samples, largest = self.misfits.get(gauge, Misfit())
+            self.misfits[gauge] = Misfit(samples + 1, max(largest, float(estimates.worst_residual[row])))
 
     def _collect(self, rows: FloatArray) -> None:
         """Collect rows (n, n_c) in bins: (3, n_c) smallest, mean and largest of each."""
@@ -159,7 +151,7 @@ class History:
                 continue
             last = self.periods[-1] if self.periods else None
             if row == n and last is not None and last.state == name and not self.further:
-                last.end, last.samples = end, last.samples + n
+                self.periods[-1] = Period(name, last.begin, end, last.samples + n)
             elif len(self.periods) < MAX_PERIODS:
                 self.periods.append(Period(name, begin, end, n))
             else:
@@ -211,57 +203,6 @@ class History:
 
 
 @dataclass(kw_only=True)
-class HealthAccount:
-    """Numbers of samples by state of health.
-
-    Attributes
-    ----------
-    samples : number of samples by state.
-    blamed : by state, in how many of its samples a gauge was to blame: it was missing where gauges are missing,
-        and a suspect, or else the one of the largest residual, where the strains do not fit; of INCONSISTENT,
-        first an input that contradicts the loads. Of OUTSIDE, a flow parameter of the flow that left its range; of
-        DEGRADED, a quantity of navigation that is left out, too.
-    beyond : number of samples OUTSIDE because of the estimated coefficients; None where that is not known.
-    """
-
-    samples: Counter[str] = field(default_factory=Counter)
-    blamed: dict[str, Counter[str]] = field(default_factory=dict)
-    beyond: int | None = None
-
-    def add(self, estimates: BlockEstimates) -> None:
-        """Count the samples of a block."""
-        values, health = estimates.values, estimates.values[STATE]
-        for state in np.unique(health[np.isfinite(health)]):
-            rows, name = health == state, health_name(int(state))
-            self.samples[name] += int(rows.sum())
-            if state == HealthState.OUTSIDE and np.isfinite(values[ENVELOPE_SCORE_LIMIT][0]):
-                beyond = values[ENVELOPE_SCORE][rows] > values[ENVELOPE_SCORE_LIMIT][rows]
-                self.beyond = int(beyond.sum()) + (self.beyond or 0)
-            counts = {of: int(k) for of, blamed in estimates.blamed.items() if (k := blamed[rows].sum())}
-            self.blamed.setdefault(name, Counter()).update(counts)
-
-    def lines(self) -> list[str]:
-        """Return a line for each state other than OK, the most frequent first."""
-        total = sum(self.samples.values())
-        texts = {state.name: text for state, text in HEALTH_ITEMS}
-        lines = []
-        for name, number in self.samples.most_common():
-            if name == HealthState.OK.name:
-                continue
-            text = f"{name}: {number} of {total} samples ({100.0 * number / total:.3g} %)"
-            if name in texts:
-                text += f": {texts[name][0].lower()}{texts[name][1:]}"
-            if name == HealthState.OUTSIDE.name and self.beyond is not None:
-                by_flow = number - self.beyond
-                text += f"; by the estimated coefficients in {self.beyond}, by the flow alone in {by_flow}"
-            worst = next(iter(self.blamed[name].most_common(1)), None)
-            if worst is not None:
-                text += f"; most often to blame: '{worst[0]}' (in {worst[1]})"
-            lines.append(text)
-        return lines
-
-
-@dataclass(kw_only=True)
 class EstimationSummary:
     """Summary of an estimation.
 
@@ -274,7 +215,12 @@ class EstimationSummary:
     refused : number of steps that the FMU refused; their outputs are NaN.
     results : number of samples that have coefficients.
     fields : number of pressure fields written.
-    account : number of samples by state, and the suspect gauges.
+    health : number of samples by state.
+    blamed : by state, in how many of its samples a gauge was to blame: it was missing where gauges are missing,
+        and a suspect, or else the one of the largest residual, where the strains do not fit; of INCONSISTENT,
+        first an input that contradicts the loads. Of OUTSIDE, a flow parameter of the flow that left its range; of
+        DEGRADED, a quantity of navigation that is left out, too.
+    beyond : number of samples OUTSIDE because of the estimated coefficients; None where that is not known.
     history : the course of the flight: when loads are not usable, largest loads, gauges that do not fit.
     faults : strains that no gauge has measured, by gauge.
     gaps : gaps between samples, and the time from sample to sample.
@@ -290,7 +236,9 @@ class EstimationSummary:
     refused: int = 0
     results: int = 0
     fields: int = 0
-    account: HealthAccount = field(default_factory=HealthAccount)
+    health: Counter[str] = field(default_factory=Counter)
+    blamed: dict[str, Counter[str]] = field(default_factory=dict)
+    beyond: int | None = None
     history: History = field(default_factory=History)
     faults: DataChecks | None = None
     gaps: Gaps = field(default_factory=Gaps)
@@ -308,19 +256,41 @@ class EstimationSummary:
         """Return a figure of the flight; as :meth:`~strainfmu.recorded.summary.History.plot`."""
         return self.history.plot()
 
-    @property
-    def health(self) -> Counter[str]:
-        """Number of samples by state."""
-        return self.account.samples
+    def health_lines(self) -> list[str]:
+        """Return a line for each state other than OK, the most frequent first."""
+        total = sum(self.health.values())
+        texts = {state.name: text for state, text in HEALTH_ITEMS}
+        lines = []
+        for name, number in self.health.most_common():
+            if name == HealthState.OK.name:
+                continue
+            text = f"{name}: {number} of {total} samples ({100.0 * number / total:.3g} %)"
+            if name in texts:
+                text += f": {texts[name][0].lower()}{texts[name][1:]}"
+            if name == HealthState.OUTSIDE.name and self.beyond is not None:
+                by_flow = number - self.beyond
+                text += f"; by the estimated coefficients in {self.beyond}, by the flow alone in {by_flow}"
+            for gauge, samples in self.blamed[name].most_common(1):
+                text += f"; most often to blame: '{gauge}' (in {samples})"
+            lines.append(text)
+        return lines
 
-    def add(self, block: Samples, estimates: BlockEstimates, estimator: BlockEstimator) -> None:
+    def add(self, block: Samples, estimates: BlockEstimates, row_names: Sequence[str]) -> None:
         """Take a block and its estimates."""
-        self.account.add(estimates)
-        self.history.add(block, estimates, estimator.row_names)
-        known = np.logical_or.reduce([np.isfinite(estimates.values[name]) for name in COEFFICIENT_NAMES])
+        values, health = estimates.values, estimates.values[STATE]
+        for state in np.unique(health[np.isfinite(health)]):
+            rows, name = health == state, health_name(int(state))
+            self.health[name] += int(rows.sum())
+            if state == HealthState.OUTSIDE and np.isfinite(values[ENVELOPE_SCORE_LIMIT][0]):
+                beyond = values[ENVELOPE_SCORE][rows] > values[ENVELOPE_SCORE_LIMIT][rows]
+                self.beyond = int(beyond.sum()) + (self.beyond or 0)
+            counts = {gauge: int(k) for gauge, blamed in estimates.blamed.items() if (k := blamed[rows].sum())}
+            self.blamed.setdefault(name, Counter()).update(counts)
+        self.history.add(block, estimates, row_names)
+        known = np.logical_or.reduce([np.isfinite(values[name]) for name in COEFFICIENT_NAMES])
         # The nonlinear estimator has coefficients without it.
         self.missing_pressure += int((np.isnan(block.dynamic_pressure) & ~known).sum())
-        self.refused += int(np.isnan(estimates.values[STATE]).sum())
+        self.refused += int(np.isnan(health).sum())
         self.results += int(known.sum())
         self.samples += len(block.time)
         self.first = float(np.fmin(self.first, block.time[0]))

@@ -249,7 +249,7 @@ def test_an_fmu_and_a_recording_name_the_specific_force(tmp_path: Path) -> None:
     rows = np.tile([*strain, NOMINAL, *(given[name] for name in LATERAL_FORCES)], (8, 1))
     data = write_csv(tmp_path / "d.csv", headings, 0.01 * np.arange(8.0), rows)
     summary = estimate_file(tmp_path / "map.h5", data, tmp_path / "o.csv")
-    assert "most often to blame: 'specific_force_y' (in 8)" in "\n".join(summary.account.lines())
+    assert "most often to blame: 'specific_force_y' (in 8)" in "\n".join(summary.health_lines())
 
 
 @pytest.mark.parametrize(("factor", "is_named"), [(1.0, False), (1.0 / STANDARD_GRAVITY, True)])

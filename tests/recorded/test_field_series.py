@@ -99,7 +99,7 @@ def test_steps_are_counted_across_blocks(map_path: Path, data: Path, tmp_path: P
     found = Estimator(held).estimate(strain, mach_number=6.0, altitude=20e3)
     with field_series_writer(tmp_path / "a.vtkhdf", held, every=3) as writer:
         for rows in (slice(0, 2), slice(2, 3), slice(3, 7)):
-            writer.write(np.arange(7.0)[rows], [found[i] for i in range(7)[rows]])
+            writer.write((np.arange(7.0)[rows], [found[i] for i in range(7)[rows]]))
     with h5py.File(tmp_path / "a.vtkhdf") as file:
         assert file["VTKHDF/Steps/Values"][()].tolist() == [0.0, 3.0, 6.0]
         assert file["VTKHDF/Steps"].attrs["NSteps"] == 3

@@ -50,8 +50,8 @@ def test_health_and_scores(folder: Path, source: str) -> None:
     np.testing.assert_allclose(found["health.outside.fin_deg [1]"], [0.0, 0.0, 0.25, 0.0, 0.5, 0.0], rtol=1e-6)
     np.testing.assert_allclose(found["health.outside.power [1]"], [0.0, 0.0, 0.0, 0.0, 0.8, 0.0], rtol=1e-6)
     assert not found["health.outside.cant_deg [1]"].any()
-    assert summary.account.blamed["OUTSIDE"] == {"fin_deg": 2, "power": 1}
-    assert "most often to blame: 'fin_deg' (in 2)" in "\n".join(summary.account.lines())
+    assert summary.blamed["OUTSIDE"] == {"fin_deg": 2, "power": 1}
+    assert "most often to blame: 'fin_deg' (in 2)" in "\n".join(summary.health_lines())
 
 
 def test_columns_are_in_one_order(folder: Path) -> None:

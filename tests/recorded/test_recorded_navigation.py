@@ -163,7 +163,7 @@ def test_navigation_that_is_left_out_is_said_at_the_end(tmp_path: Path, filtered
     columns["q_source"] = 1.0
     table, found = estimated(tmp_path, columns, **({"time_constant": 1.0} if filtered else {}))
     assert not table["navigation_used.mach_number [1]"].any()
-    said = "\n".join(found.account.lines())
+    said = "\n".join(found.health_lines())
     assert "DEGRADED: 3 of 3 samples (100 %): " in said
     assert "most often to blame: 'mach_number' (in 3)" in said
 
@@ -182,7 +182,7 @@ def test_navigation_that_cannot_be_used_is_named(
     columns["q_source"] = 1.0
     table, found = estimated(tmp_path, columns, fmu if kind == "fmu" else None)
     assert not table[f"navigation_used.{column.partition(' ')[0]} [1]"].any()
-    (said,) = found.account.lines()
+    (said,) = found.health_lines()
     assert said.startswith("DEGRADED: 3 of 3 samples (100 %): gauges are missing or navigation is left out, ")
     assert said.endswith(f"most often to blame: '{column.partition(' ')[0]}' (in 3)")
 
@@ -197,6 +197,6 @@ def test_a_computed_pressure_is_not_to_blame(tmp_path: Path) -> None:
     path.write_text("\n".join([head, *rows]) + "\n", encoding="utf-8")
     save_inverse_map(whole_map(), tmp_path / "map.h5")
     found = estimate_file(tmp_path / "map.h5", path, tmp_path / "loads.csv")
-    (line,) = found.account.lines()
+    (line,) = found.health_lines()
     assert line.startswith("DEGRADED: 3 of 3")
     assert "dynamic_pressure" not in line

@@ -147,7 +147,7 @@ def test_suspects_and_residuals_have_names(folder: Path, tmp_path: Path) -> None
     assert [name for name in found if name.startswith("residual.")] == [
         f"residual.{name} [1]" for name in held.gauge_names
     ]
-    assert summary.account.blamed
+    assert summary.blamed
     estimate_file(folder / "e.fmu", data, tmp_path / "f.csv", NOMINAL)
     assert suspect_names(tmp_path / "f.csv")[5] == "port_180deg"
 

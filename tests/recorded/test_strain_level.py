@@ -91,7 +91,7 @@ def notes(
     reference: LevelReference = REFERENCE,
     stated: tuple[str, float] | None = ("dynamic_pressure", 1.0),
 ) -> list[str]:
-    check = LevelCheck(Path("d.csv"), reference, 1.0, pressure=stated)
+    check = LevelCheck(Path("d.csv"), reference, 1.0, source=stated)
     check.add(np.atleast_2d(strain), np.full(len(np.atleast_2d(strain)), pressure))
     return check.notes()
 

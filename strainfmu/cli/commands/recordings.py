@@ -70,7 +70,7 @@ def estimate(*, source: Path, data: Path, output: Path, report: Path | None, **o
 def _estimate_lines(summary: EstimationSummary, data: Path) -> list[str]:
     """Return what a user should know of the data and the estimates."""
     health = ", ".join(f"{name} {number}" for name, number in sorted(summary.health.items()))
-    lines = [f"health: {health or '-'}", *summary.account.lines()]
+    lines = [f"health: {health or '-'}", *summary.health_lines()]
     if summary.missing_strains:
         total = sum(summary.missing_strains.values())
         gauge, number = summary.missing_strains.most_common(1)[0]

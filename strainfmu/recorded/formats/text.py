@@ -78,76 +78,50 @@ class Layout:
 
     Attributes
     ----------
-    encoding : of the text.
-    delimiter : between the cells.
-    headings : of the columns, ``column[k]`` where the file has none.
-    units : unit of each column by a row of its own, None without such a row.
+    encoding, delimiter : of the text; between the cells.
+    columns : by the headings, ``column[k]`` where the file has none.
+    forms : form of each column of dates and times, which become seconds from the first one on.
     lines_ahead : lines ahead of the first sample.
-    first_row, first_line : cells of the first sample, empty without one, and its line.
+    width : cells of the first sample, 0 without one.
     numerals : how numbers are written, by the first samples.
-    passed_over : lines of other information between headings and samples, with their first cells.
+    remarks : lines for the user; it takes more on what the cells show as they are read.
     """
 
     encoding: str
     delimiter: str
-    headings: tuple[str, ...]
-    units: tuple[str | None, ...] | None
+    columns: tuple[Column, ...]
+    forms: dict[int, TimeForm]
     lines_ahead: int
-    first_row: tuple[str, ...]
-    first_line: int
+    width: int
     numerals: Numerals
-    passed_over: tuple[tuple[int, str], ...] = ()
+    remarks: list[str]
 
 
 def text_table(path: Path, reading: Reading, stack: ExitStack) -> Table:
     """Open a text with columns; its headings are the line with the names that ``reading`` knows."""
-    layout = text_layout(path, reading.is_known)
-    columns, forms = list[Column](), dict[int, TimeForm]()
-    for i, heading in enumerate(layout.headings):
-        name, unit = name_and_unit(heading, reading.is_known)
-        unit, dated = unit if layout.units is None else layout.units[i], ""
-        first = layout.first_row[i].strip() if i < len(layout.first_row) else ""
-        is_time = reading.is_known(name) and bool(first) and not is_number(first)
-        if is_time and (form := time_form(first, reading.date_order)) is not None:
-            if form.words == UNKNOWN_ORDER:
-                raise InputError(
-                    f"{path}: line {layout.first_line}, column '{name}': expected a date whose order of day and "
-                    f"month is known, got '{first}'; state --date-order day or month, or [time] date_order in "
-                    "channels.toml"
-                )
-            forms[i], unit = form, "s"
-            dated = f"column '{name}': times {form.words}, read as seconds since {first}"
-        columns.append(Column(name=name, unit=unit, heading=heading, dated=dated))
-    remarks = list[str]()
-    if layout.passed_over:
-        shown = ", ".join(f"{line} ('{first[:30]}')" for line, first in layout.passed_over[:6])
-        more = f" and {len(layout.passed_over) - 6} more" if len(layout.passed_over) > 6 else ""
-        remarks.append(f"{path}: between headings and samples, not read: line {shown}{more}")
-
-    def pieces(indices: Sequence[int]) -> Iterator[Piece]:
-        dated = {i: replace(form) for i, form in forms.items() if i in indices}
-        return _Reader(path, layout, columns, indices, dated, remarks).pieces()
-
-    size = path.stat().st_size
-    return Table(path, (Frame(columns=tuple(columns), pieces=pieces, length=size, counted="line"),), remarks)
+    layout = text_layout(path, reading)
+    frame = Frame(
+        columns=layout.columns,
+        pieces=lambda indices: _Samples(path, layout, indices).pieces(),
+        length=path.stat().st_size,
+        counted="line",
+    )
+    return Table(path, (frame,), layout.remarks)
 
 
-def text_layout(path: Path, is_known: Callable[[str], bool]) -> Layout:
+def text_layout(path: Path, reading: Reading) -> Layout:
     """Return the layout of a text.
 
     The headings are the line with most known names, the first of several. Without any, they are the line ahead of
     the first line of numbers, and of a row of units, if it has as many cells; else the columns are ``column[k]``.
 
-    Parameters
-    ----------
-    is_known : whether a name belongs to a column to be read.
-
     Raises
     ------
     InputError
-        There are no headings, the file is no text, or two units are stated for a column.
+        There are no headings, the file is no text, a column has two units, or the order of a date is not
+        known.
     """
-    encoding, is_known = text_encoding(path), cache(is_known)
+    encoding, is_known = text_encoding(path), cache(reading.is_known)
     lines = _first_lines(path, encoding)
     if any("\x00" in line.rstrip("\x00") for line in lines):
         raise InputError(f"{path}: damaged, or not a CSV file: expected text, got bytes of 0")
@@ -172,16 +146,35 @@ def text_layout(path: Path, is_known: Callable[[str], bool]) -> Layout:
     numerals.learn(cells[i].strip() for *_, cells in filled for i in used if i < len(cells))
     if below:
         start = below[ahead][0] if ahead < len(below) else sum(below[-1][:2])
+    first_line, _, first_row = filled[0] if filled else (start, 0, [])
+    columns, forms, remarks = list[Column](), dict[int, TimeForm](), list[str]()
+    for i, heading in enumerate(headings):
+        name, unit = name_and_unit(heading, is_known)
+        unit, dated = unit if units is None else units[i], ""
+        first = first_row[i].strip() if i < len(first_row) else ""
+        is_time = is_known(name) and bool(first) and not is_number(first)
+        if is_time and (form := time_form(first, reading.date_order)) is not None:
+            if form.words == UNKNOWN_ORDER:
+                raise InputError(
+                    f"{path}: line {first_line}, column '{name}': expected a date whose order of day and month is "
+                    f"known, got '{first}'; state --date-order day or month, or [time] date_order in channels.toml"
+                )
+            forms[i], unit = form, "s"
+            dated = f"column '{name}': times {form.words}, read as seconds since {first}"
+        columns.append(Column(name=name, unit=unit, heading=heading, dated=dated))
+    if passed:
+        shown = ", ".join(f"{below[row][0]} ('{label[:30]}')" for row, label in passed[:6])
+        more = f" and {len(passed) - 6} more" if len(passed) > 6 else ""
+        remarks.append(f"{path}: between headings and samples, not read: line {shown}{more}")
     return Layout(
         encoding=encoding,
         delimiter=delimiter,
-        headings=tuple(headings),
-        units=units,
+        columns=tuple(columns),
+        forms=forms,
         lines_ahead=start - 1,
-        first_row=tuple(filled[0][2]) if filled else (),
-        first_line=filled[0][0] if filled else start,
+        width=len(first_row),
         numerals=numerals,
-        passed_over=tuple((below[row][0], label) for row, label in passed),
+        remarks=remarks,
     )
 
 
@@ -364,29 +357,18 @@ def _units(path: Path, headings: Sequence[str], cells: Sequence[str]) -> tuple[s
     return tuple(units)
 
 
-class _Reader:
-    """Turns the cells of samples into numbers.
+@dataclass(eq=False)
+class _Samples:
+    """Turns the cells of the columns ``indices`` of a text into numbers, in this order."""
 
-    Parameters
-    ----------
-    columns : all of the file; ``indices`` those that are read, in this order.
-    dated : form of the columns of dates and times, which become seconds from the first one on.
-    remarks : takes lines for the user on what the cells have shown.
-    """
+    path: Path
+    layout: Layout
+    indices: Sequence[int]
 
-    def __init__(
-        self,
-        path: Path,
-        layout: Layout,
-        columns: Sequence[Column],
-        indices: Sequence[int],
-        dated: dict[int, TimeForm],
-        remarks: list[str],
-    ) -> None:
-        self.path, self.layout, self.columns, self.indices = path, layout, columns, indices
-        self.dated, self.remarks, self._numerals = dated, remarks, replace(layout.numerals)
-        self._needed = max(indices, default=0) + 1
-        self._width = max(len(columns), len(layout.first_row))
+    def __post_init__(self) -> None:
+        layout = self.layout
+        self._dated = {i: replace(form) for i, form in layout.forms.items() if i in self.indices}
+        self._numerals, self._needed = replace(layout.numerals), max(self.indices, default=0) + 1
         self._doubtful: list[tuple[int, str, InputError]] = []
         self._empty: list[int] = []
 
@@ -424,7 +406,7 @@ class _Reader:
         if footer and has_samples:
             text = next((text for _, text, _ in self._doubtful), "")
             where = f"line {footer[0]}" if len(footer) == 1 else f"lines {footer[0]} to {footer[-1]}"
-            self.remarks.append(
+            self.layout.remarks.append(
                 f"{self.path}: {where}: at the end of the file, no sample: left out ('{text[:40]}')"
             )
 
@@ -454,15 +436,16 @@ class _Reader:
         # Without a mark so far the cells are to show it; pyarrow takes nan(1) for a number.
         if arrow is None or '"' in text or "(" in text or (not mark and ("." in text or "," in text)):
             return None
-        surplus = range(len(self.columns), self._width)
-        texts = {*self.dated, *surplus}
+        width = max(len(self.layout.columns), self.layout.width)
+        surplus = range(len(self.layout.columns), width)
+        texts = {*self._dated, *surplus}
         names = {i: str(i) for i in (*self.indices, *surplus)}
         data = text.encode()
         try:
             table = arrow.read_csv(
                 BytesIO(data),
                 read_options=arrow.ReadOptions(
-                    column_names=[str(i) for i in range(self._width)],
+                    column_names=[str(i) for i in range(width)],
                     use_threads=False,
                     block_size=len(data) + 1,
                 ),
@@ -489,7 +472,7 @@ class _Reader:
             if np.isinf(column[wild]).any():
                 return None
             column[wild & np.isin(np.abs(column), NO_NUMBERS)] = np.nan
-        for i in self.dated:
+        for i in self._dated:
             stamps = zip(cells[i], lines.tolist(), strict=True)
             values[i] = np.array([self._number(stamp.strip(), i, line) for stamp, line in stamps])
         return lines, [values[i] for i in self.indices]
@@ -526,10 +509,10 @@ class _Reader:
             At the end of the file the line may be left out: it has too few cells, a word for its time, or is cut.
         """
         # A surplus cell shifts all after it, as a decimal comma between commas does.
-        surplus = any(cell.strip() for cell in cells[len(self.columns) :])
-        is_short = len(cells) < self._needed or (is_last and len(cells) < len(self.layout.first_row))
+        surplus = any(cell.strip() for cell in cells[len(self.layout.columns) :])
+        is_short = len(cells) < self._needed or (is_last and len(cells) < self.layout.width)
         if surplus or is_short:
-            fault = f"{self.path}: line {line}: expected {len(self.columns)} cells, got {len(cells)}"
+            fault = f"{self.path}: line {line}: expected {len(self.layout.columns)} cells, got {len(cells)}"
             raise (_NoSample if is_short else InputError)(fault)
         try:
             return [self._number(cells[i].strip(), i, line) for i in self.indices]
@@ -541,13 +524,13 @@ class _Reader:
     def _number(self, text: str, column: int, line: int) -> float:
         if not text:
             return float("nan")
-        was_grouped, name = self._numerals.grouped, self.columns[column].name
+        was_grouped, name = self._numerals.grouped, self.layout.columns[column].name
         try:
-            number = self.dated[column].seconds(text) if column in self.dated else self._numerals.number(text)
+            number = self._dated[column].seconds(text) if column in self._dated else self._numerals.number(text)
         except ValueError as error:
             raise InputError(f"{self.path}: line {line}, column '{name}': {error}, got '{text[:40]}'") from error
         if self._numerals.grouped != was_grouped:
-            self.remarks.append(
+            self.layout.remarks.append(
                 f"{self.path}: line {line}, column '{name}': '{text}' read as {number:.12g}: numbers with "
                 "separators of thousands"
             )
