@@ -328,8 +328,8 @@ def _places(inverse_map: InverseMap | None, gauges: Sequence[str]) -> dict[str, 
 
 def _kind(words: Sequence[str]) -> str:
     """Return the direction that the words of a name state, "" for none."""
-    own = [word for word in words if word not in _GENERAL]
-    kinds = [kind for kind, letters in _KINDS.items() if any(word[:1] in letters for word in own)]
+    specific = [word for word in words if word not in _GENERAL]
+    kinds = [kind for kind, letters in _KINDS.items() if any(word[:1] in letters for word in specific)]
     return kinds[0] if len(kinds) == 1 else ""
 
 
@@ -427,7 +427,7 @@ def _fits(quantity: str, unit: str | None) -> bool:
 # --- names that are similar -------------------------------------------------------------------------------------
 
 
-def similarity(one: str, other: str) -> float:
+def similarity(name: str, channel: str) -> float:
     """Return how similar two names are, from 0 to 1; 0 for names whose words have nothing in common.
 
     Numbers count as numbers, from the last to the first, and as much as all letters: 'axial_180deg_2' is more like
@@ -438,8 +438,8 @@ def similarity(one: str, other: str) -> float:
     >>> similarity("axial_0deg_1", "AI0/ch1")
     0.0
     """
-    words, numbers = _parts(one)
-    other_words, other_numbers = _parts(other)
+    words, numbers = _parts(name)
+    other_words, other_numbers = _parts(channel)
     alike = _likeness(words, other_words)
     if alike < MIN_LIKENESS:
         return 0.0
@@ -451,10 +451,10 @@ def similarity(one: str, other: str) -> float:
 
 
 @lru_cache(maxsize=4096)  # gauges of one kind have the same words
-def _likeness(words: tuple[str, ...], others: tuple[str, ...]) -> float:
+def _likeness(words: tuple[str, ...], channel_words: tuple[str, ...]) -> float:
     """Return how similar the words of two names are, from 0 to 1; an abbreviation counts much."""
-    alike = SequenceMatcher(None, "".join(words), "".join(others), autojunk=False).ratio()
-    pairs = [sorted(pair, key=len) for pair in product(words, others)]
+    alike = SequenceMatcher(None, "".join(words), "".join(channel_words), autojunk=False).ratio()
+    pairs = [sorted(pair, key=len) for pair in product(words, channel_words)]
     is_short = any(len(short) > 1 and long.startswith(short) for short, long in pairs)
     return max(alike, ABBREVIATED) if is_short else alike
 

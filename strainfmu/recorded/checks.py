@@ -175,14 +175,14 @@ class DataChecks:
         InputError
             The level of the strains is far below the map's.
         """
-        path, excluded, held, zeros = self.selection.path, self.selection.excluded, self._held, self._zeros
+        path, excluded, repeats, zeros = self.selection.path, self.selection.excluded, self._held, self._zeros
         ahead = [f"{path}: left out by --exclude: {', '.join(excluded)}"] if excluded else []
         ahead, notes = [*ahead, *self._level.notes()], list[str]()
-        if held.rows:
-            way = "which are left out; --accept-held estimates them"
+        if repeats.rows:
+            advice = "which are left out; --accept-held estimates them"
             notes.append(
-                f"no gauge changes in {held.rows} rows, to the last bit, the first at {held.begin:g} s: the "
-                f"recorder holds its last values, {'estimated all the same' if self.accepts_held else way}"
+                f"no gauge changes in {repeats.rows} rows, to the last bit, the first at {repeats.begin:g} s: the "
+                f"recorder holds its last values, {'estimated all the same' if self.accepts_held else advice}"
             )
         if zeros.rows:
             notes.append(
@@ -203,10 +203,10 @@ class DataChecks:
                 f"'{name}' in {fault.rows}, from {fault.begin:g} s on" for name, fault in dead[:_NAMED]
             )
             more = f", and {len(dead) - _NAMED} other gauges" if len(dead) > _NAMED else ""
-            way = f"--exclude {','.join(name for name, _ in dead)}, or --exclude auto, leaves them out"
+            advice = f"--exclude {','.join(name for name, _ in dead)}, or --exclude auto, leaves them out"
             notes.append(
                 f"gauges that stand still while others change, of {self._rows} rows: {shown}{more}: "
-                f"{'left out there by --exclude auto' if self.leaves_out_dead else way}"
+                f"{'left out there by --exclude auto' if self.leaves_out_dead else advice}"
             )
         slow = {name: known for name, known in self._known.items() if 1 < known < _SLOW * self._rows}
         if slow and self.selection.channel_map is None:
@@ -240,7 +240,7 @@ class DataChecks:
         runs = self._of_rows.take(row_same[:, None], next_rows[:, None])[:, 0]
         if not self._rows:  # nothing shows that the first row of the file is new
             row_same[0] = True
-        held = row_same & ~zero & (runs >= _longest_of_all(longest[known.any(axis=0)]))
+        is_held = row_same & ~zero & (runs >= _longest_of_all(longest[known.any(axis=0)]))
         flown = flown_pressure(block.flow)
         bearable = self._bearable(flown)
         alone, railed = same & known & ~of_rows[:, None], np.zeros_like(same)
@@ -251,14 +251,14 @@ class DataChecks:
         most = np.minimum(bearable, self._reference.sensor_range - self._largest_zero)
         is_bearable = not np.any(np.fmax.reduce(size, axis=1) > most)
         if may_stand_still or not is_bearable:
-            is_sound = ~(zero | held)[:, None]
+            is_sound = ~(zero | is_held)[:, None]
             stands_still = self._of_gauges.take(alone, same_next & ~next_rows[:, None]) >= limit
             railed = self._is_railed(strain, size, bearable, stands_still) & is_sound
             dead = stands_still & known & ~railed & is_sound
         else:
             self._of_gauges.skip(alone)
         self._rows += len(block.time)
-        marked = self._marked(block, held=held, zero=zero, railed=railed, dead=dead)
+        marked = self._marked(block, is_held=is_held, zero=zero, railed=railed, dead=dead)
         self._level.add(size if marked.strain is strain else self._size(marked.strain), flown)
         for name, values in block.flow.items():
             self._known[name] += int(np.isfinite(values).sum())
@@ -269,7 +269,7 @@ class DataChecks:
         return np.abs(strain - self.zero if self._largest_zero else strain)
 
     def _marked(
-        self, block: Samples, *, held: BoolArray, zero: BoolArray, railed: BoolArray, dead: BoolArray
+        self, block: Samples, *, is_held: BoolArray, zero: BoolArray, railed: BoolArray, dead: BoolArray
     ) -> Samples:
         """Return ``block`` without strains of rows (n,) and of gauges (n, n_d) with a fault; count them."""
         time, strain = block.time, block.strain
@@ -279,14 +279,14 @@ class DataChecks:
                 rows.add(time, faults[:, gauge], strain[:, gauge])
         if self.leaves_out_dead:
             railed = railed | dead
-        if not (held.any() or zero.any() or railed.any()):
+        if not (is_held.any() or zero.any() or railed.any()):
             return replace(block, faults=("",) * len(time))
-        self._held.add(time, held)
+        self._held.add(time, is_held)
         self._zeros.add(time, zero)
-        texts = [HELD if h else ZERO if z else "" for h, z in zip(held.tolist(), zero.tolist(), strict=True)]
+        texts = [HELD if h else ZERO if z else "" for h, z in zip(is_held.tolist(), zero.tolist(), strict=True)]
         for row in np.flatnonzero(railed.any(axis=1)).tolist():
             texts[row] = ";".join(self._names[gauge] for gauge in np.flatnonzero(railed[row]))
-        taken = railed | (zero if self.accepts_held else zero | held)[:, None]
+        taken = railed | (zero if self.accepts_held else zero | is_held)[:, None]
         return replace(block, strain=np.where(taken, np.nan, strain), faults=tuple(texts))
 
     def _find_resolution(self, strain: FloatArray) -> None:
@@ -323,8 +323,8 @@ class DataChecks:
         has_values = np.asarray(np.isfinite(strain).any(axis=1))
         usual = np.nanmedian(np.where(has_values[:, None], level, 0.0), axis=1)
         level /= np.maximum(usual, 1.0)[:, None]
-        beyond = (level > TOO_HIGH) | ((level > 1.0) & stands_still)
-        return np.asarray(beyond | (np.abs(strain) > self._reference.sensor_range))
+        is_beyond = (level > TOO_HIGH) | ((level > 1.0) & stands_still)
+        return np.asarray(is_beyond | (np.abs(strain) > self._reference.sensor_range))
 
 
 def repeated(strain: FloatArray, last: FloatArray) -> BoolArray:

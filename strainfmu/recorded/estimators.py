@@ -275,14 +275,14 @@ def open_estimator(
     for option, value in {"--filter": time_constant, "--residuals": residuals or None}.items():
         if value is not None:
             raise InputError(f"{source}: {option}: expected an inverse map, got an FMU")
-    others = other_outputs_of(outputs_of(source))
-    asked = (*(name for name, _ in LOAD_COLUMNS), *_FMU_HEALTH, *others)
-    scores = [name for name in others if name.startswith(OUTSIDE_PREFIX)]
+    extra = other_outputs_of(outputs_of(source))
+    asked = (*(name for name, _ in LOAD_COLUMNS), *_FMU_HEALTH, *extra)
+    scores = [name for name in extra if name.startswith(OUTSIDE_PREFIX)]
     parameters = (name.replace(OUTSIDE_PREFIX, kind, 1) for name in scores for kind in (PREFIX, STD_PREFIX))
     with FmuStep(source, (*QUANTITIES[1:], TEMPERATURE, SENSORS, *parameters), asked) as step:
         if zeros is not None:
             step.set_zeros(load_zeros(zeros, step.gauge_names))
-        yield FmuBlocks(step, others)
+        yield FmuBlocks(step, extra)
 
 
 LATERAL_FORCES = {"specific_force_y": 2, "specific_force_z": 1}
@@ -329,8 +329,8 @@ class MapBlocks(BlockEstimator):
     """
 
     def __init__(self, estimator: Estimator, residuals: bool = False, smooth: bool = False) -> None:
-        self.estimator, self._map, self._smooths = estimator, estimator.inverse_map, smooth
-        self.inverse_map = inverse_map = self._map
+        self.estimator, self._smooths = estimator, smooth
+        self.inverse_map = self.map = inverse_map = estimator.inverse_map
         manifold, n = inverse_map.manifold, inverse_map.n_strain_gauges
         self.inputs = (
             *FLOW_NAMES[1:],
@@ -400,7 +400,7 @@ class MapBlocks(BlockEstimator):
             if health in _MISFIT:
                 gauges[row, list(of_row or (int(worst[row]),))] = True
         contradicted = contradicted_forces(
-            self._map.inertia,
+            self.map.inertia,
             block.values([*LATERAL_FORCES]),
             estimate.loads,
             estimate.loads_std,
@@ -417,7 +417,7 @@ class MapBlocks(BlockEstimator):
         """Return the estimates of a block; thrust that the recording does not hold is 0."""
         flow, readings = block.flow, block.strain
         thrust = flow.get(THRUST, np.zeros(len(block.time)))
-        if len(self.row_names) > self._map.n_strain_gauges:
+        if len(self.row_names) > self.map.n_strain_gauges:
             readings = np.hstack([block.strain, _all_readings(block, self.wanted.readings)])
         sharpening = {name: flow[f"{name}{STD}"] for name in self.sharpening if f"{name}{STD}" in flow}
         arguments: dict[str, Any] = {
@@ -427,7 +427,7 @@ class MapBlocks(BlockEstimator):
             "parameters_std": given_flow(sharpening) if self.sharpening else None,
             **given_flow({name: flow[name] for name in QUANTITIES[1:] if name in flow}),
         }
-        readings = self._map.sensors.without_thrust(readings, thrust)
+        readings = self.map.sensors.without_thrust(readings, thrust)
         if self.estimator.filter_time_constant > 0.0:
             return self.estimator.track(readings, time=block.time, **arguments)
         estimate = self.estimator.track if self.estimator.is_nonlinear else self.estimator.estimate
@@ -437,9 +437,9 @@ class MapBlocks(BlockEstimator):
 class FmuBlocks(BlockEstimator):
     """An estimator FMU, step by step."""
 
-    def __init__(self, step: FmuStep, others: Mapping[str, Column]) -> None:
-        self._step, self._others = step, others
-        self.other_columns, self.inputs, self.zero = tuple(others.values()), step.other_inputs, step.zero_offset
+    def __init__(self, step: FmuStep, extra: Mapping[str, Column]) -> None:
+        self._step, self._others = step, extra
+        self.other_columns, self.inputs, self.zero = tuple(extra.values()), step.other_inputs, step.zero_offset
         parameters = (name for name in step.other_inputs if name.startswith(PREFIX))
         self.parameters = tuple(name.removeprefix(PREFIX) for name in parameters)
         self.sharpening = tuple(name for name in self.parameters if f"{STD_PREFIX}{name}" in self.inputs)
@@ -536,7 +536,7 @@ def smoothed(backward: Estimator, samples: Filtered, later: Filtered | None) -> 
     follow, None at the end.
     """
     both = [samples] if later is None else [samples, later]
-    time = np.concatenate([at for at, *_ in both])
+    time = np.concatenate([times for times, *_ in both])
     inputs = np.concatenate([filtered.sample for _, filtered, _ in both])
     masks = [
         np.broadcast_to(True if filtered.mask is None else filtered.mask, filtered.valid.shape)
@@ -544,8 +544,8 @@ def smoothed(backward: Estimator, samples: Filtered, later: Filtered | None) -> 
     ]
     backward.restart()
     reverse = backward.track_again(inputs[::-1], np.concatenate(masks)[::-1], -time[::-1])
-    at, filtered, alone = samples
-    ends = filtered, reverse[np.arange(len(time))[::-1][: len(at)]], alone
+    times, filtered, alone = samples
+    ends = filtered, reverse[np.arange(len(time))[::-1][: len(times)]], alone
     remaining = [estimates.noise_left[:, None] for estimates in ends[:2]]
     fields = SimpleNamespace()
     for name in ("loads", COEFFICIENT_ARRAY, "other_loads", "other_coefficients"):
@@ -661,13 +661,13 @@ def dropped_navigation(block: Samples, values: Mapping[str, FloatArray]) -> dict
 
     A computed dynamic pressure is none. ``values`` are of :class:`BlockEstimates`.
     """
-    used = {name: values[of] for name in NAVIGATION if (of := f"{USED}{name}") in values}
+    used = {name: values[column] for name in NAVIGATION if (column := f"{USED}{name}") in values}
     if NAVIGATION[0] not in used:
         return {}
     flow = block.values((*NAVIGATION, ALTITUDE, Q_SOURCE))
-    given = {name: ~np.isnan(flow[name]) for name in NAVIGATION}
-    given[STATIC_PRESSURE] |= ~np.isnan(flow[ALTITUDE])
+    is_given = {name: ~np.isnan(flow[name]) for name in NAVIGATION}
+    is_given[STATIC_PRESSURE] |= ~np.isnan(flow[ALTITUDE])
     source = np.nan_to_num(flow[Q_SOURCE])
     is_measured = np.round(source) == QSource.INDEPENDENT
-    given[DYNAMIC_PRESSURE] &= np.where(source < 0.5, ~given[MACH_NUMBER], is_measured)
-    return {name: given[name] & ~(of > 0.0) for name, of in used.items()}
+    is_given[DYNAMIC_PRESSURE] &= np.where(source < 0.5, ~is_given[MACH_NUMBER], is_measured)
+    return {name: is_given[name] & ~(column > 0.0) for name, column in used.items()}

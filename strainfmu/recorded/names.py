@@ -169,7 +169,9 @@ class Wanted:
         """Return whether a column that is none of these is known and not read, or not to be read."""
         is_cold = is_temperature(name) and not self.sensors
         patterns = (".*".join(map(re.escape, entry.split("*"))) for entry in self.ignored if "*" in entry)
-        return last_part(name) in self.passed or is_cold or any(re.fullmatch(one, name) for one in patterns)
+        return (
+            last_part(name) in self.passed or is_cold or any(re.fullmatch(pattern, name) for pattern in patterns)
+        )
 
     def quantity(self, name: str) -> str | None:
         """Return the gauge or quantity of the signal table that a column's name states; None if it is none.
@@ -409,15 +411,13 @@ def excluded_gauges(path: Path, wanted: Wanted, channels: Mapping[str, str] | No
 
 def unknown_text(unknown: Sequence[str], names: Sequence[str], wanted: Wanted) -> str:
     """Return what to say of unknown columns: the names, the nearest known ones, the ways to pass over them."""
-    first, way = unknown[0], CHANNEL_FILE_HINT
+    first, advice = unknown[0], CHANNEL_FILE_HINT
     if not first:
-        return (
-            f"column {list(names).index(first) + 1}: no name found; leave it out by --ignore-columns '*', or {way}"
-        )
+        return f"column {list(names).index(first) + 1}: no name found; leave it out by --ignore-columns '*', or {advice}"
     more = "" if len(unknown) == 1 else f", and of {len(unknown) - 1} others: {some_of(unknown[1:])}"
     if not any(name in (*wanted.gauge_names, STRAIN) or strain_number(name) is not None for name in names):
-        return f"column '{first}': unknown name{more}; no column is a gauge or strain[i]: {way}"
-    present = {quantity_of(other, wanted.readings) for other in names} | set(names)
+        return f"column '{first}': unknown name{more}; no column is a gauge or strain[i]: {advice}"
+    present = {quantity_of(candidate, wanted.readings) for candidate in names} | set(names)
     known = [name for name in ("time", *wanted.flow, *wanted.gauge_names) if name not in present]
     alias = OTHER_NAMES.get(re.sub("[^a-z0-9]", "", last_part(first).lower()))
     near = alias if alias in known else nearest(last_part(first), known) or nearest(first, known)
@@ -427,4 +427,4 @@ def unknown_text(unknown: Sequence[str], names: Sequence[str], wanted: Wanted) -
         hint = f"expected strain[1] to strain[{len(wanted.gauge_names)}]"
     else:
         hint = f"expected a gauge, strain[i], time, {', '.join(wanted.flow)}"
-    return f"column '{first}': unknown name{more}; {hint}, leave it out by --ignore-columns '{first}', or {way}"
+    return f"column '{first}': unknown name{more}; {hint}, leave it out by --ignore-columns '{first}', or {advice}"

@@ -100,10 +100,10 @@ _LONGEST_TEXT = 250
 # --- columns -----------------------------------------------------------------------------------------------------
 
 
-def output_columns(stated: Sequence[str], others: Sequence[Column]) -> tuple[Column, ...]:
+def output_columns(stated: Sequence[str], extra: Sequence[Column]) -> tuple[Column, ...]:
     """Return names and units of all columns, with ``stated`` quantities of the flow, ``others`` behind them."""
     flow = ((name, unit) for name, unit in _FLOW_UNITS.items() if name in stated)
-    return (*ESTIMATE_COLUMNS, *HEALTH_COLUMNS[3:], *flow, *others)
+    return (*ESTIMATE_COLUMNS, *HEALTH_COLUMNS[3:], *flow, *extra)
 
 
 def plain_columns(columns: Sequence[Column]) -> dict[str, Column]:
@@ -139,7 +139,7 @@ def other_outputs_of(outputs: Iterable[tuple[str, str]]) -> dict[str, Column]:
 
     Loads stand ahead of their standard deviations; air data have that order already.
     """
-    others = {
+    extra = {
         name: (
             column_of(name) or ("linear_loads" if name == LINEAR_LOADS else name),
             unit.replace(".", " "),
@@ -147,9 +147,9 @@ def other_outputs_of(outputs: Iterable[tuple[str, str]]) -> dict[str, Column]:
         for name, unit in outputs
         if column_of(name) or name.startswith(_OTHER_PREFIXES)
     }
-    if any(map(column_of, others)):
-        return dict(sorted(others.items(), key=lambda item: item[0].startswith(SIGMA)))
-    return others
+    if any(map(column_of, extra)):
+        return dict(sorted(extra.items(), key=lambda item: item[0].startswith(SIGMA)))
+    return extra
 
 
 # --- files -------------------------------------------------------------------------------------------------------

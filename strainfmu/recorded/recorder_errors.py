@@ -9,9 +9,9 @@ the multiple of its column that takes most off the residuals. A specific force i
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -59,8 +59,7 @@ DECIDES = 4.0
 _GRAVITY = READING_UNITS["m/s2"]["g"]
 
 
-@dataclass(frozen=True, kw_only=True)
-class ReadingErrors:
+class ReadingErrors(NamedTuple):
     """Of the middle gauge: noise with steps, step, amplitude of a hum [m/m], frequency [Hz], if it is common."""
 
     noise: float
@@ -76,27 +75,28 @@ def reading_errors(time: FloatArray, strain: FloatArray) -> ReadingErrors | None
     n, time = len(strain) // WINDOW * WINDOW, time[: len(strain)]
     if n < FEWEST or not strain.shape[1]:
         return None
-    values = [np.unique(one) for one in strain.T]
-    steps = [np.min(np.diff(one)) if 1 < len(one) < 0.7 * len(strain) else 0.0 for one in values]
+    values = [np.unique(item) for item in strain.T]
+    steps = [np.min(np.diff(item)) if 1 < len(item) < 0.7 * len(strain) else 0.0 for item in values]
     fourth = np.diff(strain[:n], n=4, axis=0) ** 2 / 70.0  # 1 + 16 + 36 + 16 + 1
     windows = fourth[: len(fourth) // WINDOW * WINDOW].reshape(-1, WINDOW, strain.shape[1]).mean(axis=1)
     noise = np.sqrt(np.quantile(windows, 0.25, axis=0))
-    hum = _hum(time[:n], strain[:n])
-    return ReadingErrors(noise=float(np.median(noise)), step=float(np.median(steps)), **hum)
+    return ReadingErrors(float(np.median(noise)), float(np.median(steps)), *_hum(time[:n], strain[:n]))
 
 
-def _hum(time: FloatArray, strain: FloatArray) -> dict[str, Any]:
-    """Return the strongest line of the spectrum above a twentieth of the sampling rate."""
+def _hum(time: FloatArray, strain: FloatArray) -> tuple[float, float, bool]:
+    """Return the strongest line of the spectrum above a twentieth of the sampling rate, as of ReadingErrors."""
     n, taper = len(strain), np.hanning(len(strain))[:, None]
     amplitude = 2.0 * np.fft.rfft(taper * (strain - strain.mean(axis=0)), axis=0) / taper.sum()
     power, first = np.mean(np.abs(amplitude) ** 2, axis=1), max(n // 20, 8)
-    at = first + int(np.argmax(power[first:-1]))
-    about = np.median(np.delete(power[max(at - 40, first) : at + 40], slice(max(at - 40, first), None, 10**6)))
+    peak = first + int(np.argmax(power[first:-1]))
+    about = np.median(
+        np.delete(power[max(peak - 40, first) : peak + 40], slice(max(peak - 40, first), None, 10**6))
+    )
     step = float(np.median(np.diff(time)))
-    if power[at] < LINE * about or not step > 0.0:
-        return {}
-    common = abs(amplitude[at].mean()) > 0.8 * np.abs(amplitude[at]).mean()
-    return {"hum": float(np.sqrt(power[at])), "frequency": at / (n * step), "is_common": bool(common)}
+    if power[peak] < LINE * about or not step > 0.0:
+        return 0.0, 0.0, False
+    common = abs(amplitude[peak].mean()) > 0.8 * np.abs(amplitude[peak]).mean()
+    return float(np.sqrt(power[peak])), peak / (n * step), bool(common)
 
 
 def disagreements(errors: ReadingErrors | None, inverse_map: InverseMap) -> list[str]:
@@ -141,16 +141,16 @@ def late_or_warm(block: Samples, inverse_map: InverseMap, residuals: Callable[[S
     by_sample = np.polynomial.polynomial.polyval(about, np.polynomial.polynomial.polyder(course)).T
     late = 1e-3 * np.arange(n_d) * by_sample / float(np.median(np.diff(block.time)))
     warm = np.broadcast_to(1e-6 * x / np.max(x), block.strain.shape)
-    before, found = residuals(block)[:, :n_d], []
+    before, candidates = residuals(block)[:, :n_d], []
     if not np.nanmean(before**2) > LARGER:
         return []
     for name, column in (("late", late), ("warm", warm)):
         change = residuals(replace(block, strain=block.strain - column))[:, :n_d] - before
         used = np.isfinite(change) & np.isfinite(before)
         size = -float(np.sum((before * change)[used])) / max(float(np.sum(change[used] ** 2)), 1e-300)
-        left = np.sum((before + size * change)[used] ** 2) / max(float(np.sum(before[used] ** 2)), 1e-300)
-        found.append((float(left), name, size))
-    part, name, size = min(found)
+        remaining = np.sum((before + size * change)[used] ** 2) / max(float(np.sum(before[used] ** 2)), 1e-300)
+        candidates.append((float(remaining), name, size))
+    part, name, size = min(candidates)
     if part > TAKEN or (size if name == "late" else abs(size)) < SMALLEST:
         return []
     if name == "late":
@@ -175,7 +175,7 @@ def force_in_g(block: Samples, estimates: Callable[[Samples], Estimate]) -> list
 
 def _forces(block: Samples) -> dict[str, FloatArray]:
     """Return each specific force of a block (n,) [m/s2], NaN where it is not known."""
-    names = [one.name for one in MEASURED_MOTION[SPECIFIC_FORCE] if one.name in block.flow]
+    names = [item.name for item in MEASURED_MOTION[SPECIFIC_FORCE] if item.name in block.flow]
     return {name: np.where(force == NOT_KNOWN, np.nan, force) for name, force in block.values(names).items()}
 
 
@@ -193,41 +193,39 @@ class _Window:
             self.samples = block[first : first + FLAGGED]
 
 
+@dataclass(eq=False)
 class RecorderWatch:
-    """What a recording at ``path`` shows of its recorder while it is estimated by a map."""
+    """What a recording at ``path`` shows of its recorder while it is estimated by a map; nothing by an FMU."""
 
-    def __init__(self, path: Path, estimator: BlockEstimator) -> None:
-        self._path, self._estimator = path, estimator
-        self._time: list[FloatArray] = []
-        self._strain: list[FloatArray] = []
-        self._flagged, self._pushed = _Window(-1.0), _Window(0.0)
+    path: Path
+    estimator: BlockEstimator
+    _start: list[Samples] = field(default_factory=list)
+    _flagged: _Window = field(default_factory=lambda: _Window(-1.0))
+    _pushed: _Window = field(default_factory=lambda: _Window(0.0))
 
     def add(self, block: Samples, health: FloatArray) -> None:
         """Look at a block, of which (n,) states of ``health`` are estimated."""
-        if sum(map(len, self._time)) < SAMPLES:
-            self._time.append(block.time)
-            self._strain.append(block.strain)
+        if sum(len(start.time) for start in self._start) < SAMPLES:
+            self._start.append(block)
         self._flagged.add(block, health == HealthState.INCONSISTENT)
         if forces := _forces(block):
             self._pushed.add(block, np.nansum(np.square([*forces.values()]), axis=0))
 
     def notes(self) -> list[str]:
-        """Return the lines on what disagrees with the vehicle file of the map; none of an FMU."""
-        inverse_map = self._estimator.inverse_map
-        if inverse_map is None or self._flagged.samples is None:
+        """Return the lines on what disagrees with the vehicle file of the map."""
+        estimator = self.estimator
+        if not isinstance(estimator, MapBlocks) or self._flagged.samples is None:
             return []
-        errors = reading_errors(np.concatenate(self._time), np.concatenate(self._strain))
-        lines = disagreements(errors, inverse_map)
-        lines = lines or late_or_warm(self._flagged.samples, inverse_map, self._residuals)
+        time = np.concatenate([start.time for start in self._start])
+        errors = reading_errors(time, np.concatenate([start.strain for start in self._start]))
+        lines = disagreements(errors, estimator.map)
+        lines = lines or late_or_warm(
+            self._flagged.samples,
+            estimator.map,
+            lambda block: np.asarray(estimator.unfiltered(block).standardised_residual),
+        )
         because = "INCONSISTENT by its readings alone: " if self._flagged.most > TAKEN * FLAGGED else ""
         lines = [because + line for line in lines]
         if self._pushed.samples is not None:
-            lines += force_in_g(self._pushed.samples, self._unfiltered)
-        return [f"{self._path}: {line}" for line in lines]
-
-    def _residuals(self, block: Samples) -> FloatArray:
-        return np.asarray(self._unfiltered(block).standardised_residual)
-
-    def _unfiltered(self, block: Samples) -> Estimate:
-        assert isinstance(self._estimator, MapBlocks)
-        return self._estimator.unfiltered(block)
+            lines += force_in_g(self._pushed.samples, estimator.unfiltered)
+        return [f"{self.path}: {line}" for line in lines]

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from strainfmu.arrays import BoolArray, FloatArray, IntArray
+from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE, STATIC_PRESSURE, STD
 from strainfmu.recorded.channel_map import JOINS, ChannelMap, Join, load_channels
@@ -97,7 +97,7 @@ class Gaps:
     period: float = float("nan")
     number: int = 0
     longest: float = 0.0
-    behind: int = 0
+    last_place: int = 0
     first: list[tuple[float, float]] = field(default_factory=list)
     _last: float = float("nan")
     _place: int = 0
@@ -113,7 +113,7 @@ class Gaps:
         if len(gaps):
             longest = int(gaps[np.argmax(steps[gaps])])
             if steps[longest] > self.longest:
-                self.longest, self.behind = float(steps[longest]), int(ahead[longest])
+                self.longest, self.last_place = float(steps[longest]), int(ahead[longest])
             self.number += len(gaps)
             self.first += zip(before[gaps].tolist(), steps[gaps].tolist(), strict=True)
             del self.first[_GAPS_LISTED:]
@@ -182,7 +182,7 @@ def _recording(selection: Selection) -> Recording:
 
     def blocks() -> Iterator[Samples]:
         while len((rows := base.next_rows()).time):
-            parts = [rows.values, *(track.at(rows.time, join) for track in tracks)]
+            parts = [rows.values, *(track.values_at(rows.time, join) for track in tracks)]
             gaps.add(rows.time, rows.places)
             values = np.hstack(parts) if tracks else rows.values
             yield _samples(selection, keys, rows._replace(values=values), frame.counted)
@@ -193,7 +193,7 @@ def _recording(selection: Selection) -> Recording:
             time = "time" if time_column is None else frame.columns[time_column].name
             table.remarks.append(
                 f"{table.path}: column '{time}': {many} {gaps.longest:.6g} s behind {frame.counted} "
-                f"{gaps.behind}; samples are {gaps.period:.6g} s apart"
+                f"{gaps.last_place}; samples are {gaps.period:.6g} s apart"
             )
 
     return Recording(selection=selection, blocks=blocks(), length=frame.length, notes=table.remarks, gaps=gaps)
@@ -318,29 +318,29 @@ class _Track:
         if len(self.time) > 1:
             self.period = float(np.median(np.diff(self.time[:LOOK_ROWS])))
 
-    def is_like(self, other: _Track) -> bool:
+    def is_like(self, second: _Track) -> bool:
         """Return whether the times at the start equal another track's, but for rounding."""
-        n = min(len(self.time), len(other.time), LOOK_ROWS)
-        ends = self.is_done and other.is_done and len(self.time) != len(other.time)
-        period = self.period if np.isfinite(self.period) else other.period
-        apart = np.abs(self.time[:n] - other.time[:n])
+        n = min(len(self.time), len(second.time), LOOK_ROWS)
+        ends = self.is_done and second.is_done and len(self.time) != len(second.time)
+        period = self.period if np.isfinite(self.period) else second.period
+        apart = np.abs(self.time[:n] - second.time[:n])
         return bool(n and not ends and (not apart.any() or (apart <= _SAME * period).all()))
 
-    def at(self, at: FloatArray, join: Join) -> FloatArray:
+    def values_at(self, times: FloatArray, join: Join) -> FloatArray:
         """Return the values (m, n_c) at times (m,) [s]; forget rows that are not needed again.
 
         Ahead of the first row and in gaps longer than the limit of ``join`` they are NaN, and behind the last
         unless that is held: a gap remains a gap.
         """
-        while not self.is_done and not (len(self.time) > 1 and self.time[-1] > at[-1] + _SAME * self.period):
-            if self.is_sparse and self.reach > at[-1] + 2.0 * np.nan_to_num(self._limit(join)):
+        while not self.is_done and not (len(self.time) > 1 and self.time[-1] > times[-1] + _SAME * self.period):
+            if self.is_sparse and self.reach > times[-1] + 2.0 * np.nan_to_num(self._limit(join)):
                 break
             self.advance()
         if not len(self.time):
-            return np.full((len(at), len(self.keys)), np.nan)
+            return np.full((len(times), len(self.keys)), np.nan)
         limit = self._limit(join)
-        values = self._interpolated(at, limit) if join.rule == "linear" else self._taken(at, join, limit)
-        self._drop(max(int(np.searchsorted(self.time, at[-1], side="right")) - 2, 0))
+        values = self._interpolated(times, limit) if join.rule == "linear" else self._taken(times, join, limit)
+        self._drop(max(int(np.searchsorted(self.time, times[-1], side="right")) - 2, 0))
         return values
 
     def _drop(self, rows: int) -> None:
@@ -352,26 +352,26 @@ class _Track:
         periods = FARTHEST if join.rule == "nearest" else LONGEST_GAP
         return periods * self.period if join.limit is None else join.limit
 
-    def _taken(self, at: FloatArray, join: Join, limit: float) -> FloatArray:
+    def _taken(self, times: FloatArray, join: Join, limit: float) -> FloatArray:
         """Return (m, n_c) values of the last row before the (m,) times [s], or of the nearest; NaN too far off."""
         time, same = self.time, np.nan_to_num(_SAME * self.period)
-        last = np.searchsorted(time, at + same, side="right") - 1
+        last = np.searchsorted(time, times + same, side="right") - 1
         taken = np.maximum(last, 0)
         if join.rule == "nearest":
             following = np.minimum(last + 1, len(time) - 1)
-            taken = np.where(np.abs(time[following] - at) < np.abs(at - time[taken]), following, taken)
+            taken = np.where(np.abs(time[following] - times) < np.abs(times - time[taken]), following, taken)
             last = taken
-        is_near = (last >= 0) & (np.abs(at - time[taken]) <= np.nan_to_num(limit) + same)
+        is_near = (last >= 0) & (np.abs(times - time[taken]) <= np.nan_to_num(limit) + same)
         return np.where(is_near[:, None], self.values[taken], np.nan)
 
-    def _interpolated(self, at: FloatArray, limit: float) -> FloatArray:
+    def _interpolated(self, times: FloatArray, limit: float) -> FloatArray:
         """Return (m, n_c) values at the (m,) times [s]; NaN where neighbours are more than ``limit`` [s] apart."""
         time, values = self.time, self.values
         if len(time) == 1:
-            return np.where((at == time[0])[:, None], values[0], np.nan)
-        row = np.clip(np.searchsorted(time, at, side="right") - 1, 0, len(time) - 2)
+            return np.where((times == time[0])[:, None], values[0], np.nan)
+        row = np.clip(np.searchsorted(time, times, side="right") - 1, 0, len(time) - 2)
         gap = time[row + 1] - time[row]
-        weight = ((at - time[row]) / gap)[:, None]
+        weight = ((times - time[row]) / gap)[:, None]
         near = (_SAME * self.period / gap)[:, None]
         between = (1.0 - weight) * values[row] + weight * values[row + 1]
         is_inside = (weight > 0.0) & (weight < 1.0) & (gap <= limit)[:, None]
@@ -425,7 +425,7 @@ def _tracks(selection: Selection) -> tuple[_Track, list[_Track]]:
         gauges = {track: len(selection.strain.keys() & set(track.keys)) for track in tracks}
 
         def rank(track: _Track) -> tuple[int, float]:
-            alike = (n for other, n in gauges.items() if other is track or other.is_like(track))
+            alike = (n for second, n in gauges.items() if second is track or second.is_like(track))
             return sum(alike) if gauges[track] else 0, float(np.nan_to_num(track.period))
 
         base = max(tracks, key=rank)
@@ -443,10 +443,10 @@ def _join_notes(path: Path, base: _Track, tracks: Sequence[_Track], join: Join) 
     for track in tracks:
         if len(track.time) > 1 and not track.is_like(base):
             rasters.setdefault(round(track.period, 9), []).extend(track.names)
-    at = f"at the samples of '{base.names[0]}', every {1e3 * base.period:.6g} ms"
+    where = f"at the samples of '{base.names[0]}', every {1e3 * base.period:.6g} ms"
     return [
         f"{path}: {len(names)} columns of {1e3 * period:.6g} ms ('{names[0]}'{', ..' if names[1:] else ''}) "
-        f"{JOINS[join.rule]} {at}"
+        f"{JOINS[join.rule]} {where}"
         for period, names in rasters.items()
     ]
 
@@ -486,11 +486,13 @@ def _samples(selection: Selection, keys: Sequence[str], rows: _Rows, counted: st
 def _strains(selection: Selection, keys: Sequence[str], values: FloatArray) -> FloatArray:
     """Return (n, n_d) strains of the map's gauges by columns of ``values``; of rosettes they follow from legs."""
     gauges, unknown = selection.wanted.gauge_names, np.full(len(values), np.nan)
-    known = [i for i, gauge in enumerate(gauges) if gauge in selection.strain]
-    strain = np.full((len(gauges), len(values)), np.nan).T
-    for i in known:
-        strain[:, i] = values[:, keys.index(gauges[i])]
     rosettes = selection.channel_map.rosettes if selection.channel_map else ()
+    if tuple(keys[: len(gauges)]) == gauges and not rosettes:
+        return values[:, : len(gauges)]
+    strain = np.full((len(gauges), len(values)), np.nan).T
+    for i, gauge in enumerate(gauges):
+        if gauge in selection.strain:
+            strain[:, i] = values[:, keys.index(gauge)]
     names = {plain_name(gauge): i for i, gauge in enumerate(gauges)} if rosettes else {}
     for _, legs, weights in rosettes:
         of_legs = [values[:, keys.index(leg)] if leg in selection.strain else unknown for leg in legs]
@@ -504,11 +506,13 @@ def _strains(selection: Selection, keys: Sequence[str], values: FloatArray) -> F
 
 def _check_unit(selection: Selection, strain: FloatArray, where: Callable[[str, int], str]) -> None:
     """Refuse strains that no gauge bears, if their median is so: single values are faults."""
-    large: BoolArray = np.abs(strain) > LARGEST_STRAIN
-    if not large.any() or not float(np.median(np.abs(strain[np.isfinite(strain)]))) > LARGEST_STRAIN:
+    if not max(np.fmax.reduce(strain, axis=None), -np.fmin.reduce(strain, axis=None)) > LARGEST_STRAIN:
+        return
+    size = np.abs(strain)
+    if not float(np.median(size[np.isfinite(size)])) > LARGEST_STRAIN:
         return
     reference, units = selection.wanted.reference, tuple[str, ...]()
-    row, gauge = divmod(int(np.argmax(large)), strain.shape[1])
+    row, gauge = divmod(int(np.argmax(size > LARGEST_STRAIN)), strain.shape[1])
     name = selection.wanted.gauge_names[gauge]
     column = selection.strain[name].column.name if name in selection.strain else name
     if reference is not None:

@@ -209,16 +209,21 @@ def _times(selection: Selection, column: Column) -> Times:
         return None, channel_map.rate
     if not times and elsewhere:
         full = elsewhere[0]
-        rows = next(of.rows for of in table.frames for candidate in of.columns if candidate.full == full)
+        rows = next(
+            time_frame.rows
+            for time_frame in table.frames
+            for candidate in time_frame.columns
+            if candidate.full == full
+        )
         raise InputError(
             f"{path}: column '{column.full}': expected {rows} values, as many as times in '{full}', got "
             f"{frame.rows}"
         )
     if len(times) != 1:
         got = " and ".join(f"'{frame.columns[i].heading}'" for i in times) or "none"
-        way = f"state [time] channel or rate_hz in {channel_map.path}" if channel_map else CHANNEL_FILE_HINT
+        advice = f"state [time] channel or rate_hz in {channel_map.path}" if channel_map else CHANNEL_FILE_HINT
         raise InputError(
-            f"{path}: column of times: expected one, got {got}, it holds {some_of(table.names)}; {way}"
+            f"{path}: column of times: expected one, got {got}, it holds {some_of(table.names)}; {advice}"
         )
     time = frame.columns[times[0]]
     if time.dated:
@@ -330,8 +335,8 @@ def _source(selection: Selection, columns: Sequence[Column], quantity: str, what
     if len(columns) > 1:
         headings = dict.fromkeys(column.heading for column in columns)
         same = " and ".join(f"'{heading}'" for heading in headings)
-        way = "; --ignore-columns leaves columns out" if len(headings) > 1 else ""
-        raise InputError(f"{path}: expected one column for {what}, got {len(columns)}: {same}{way}")
+        advice = "; --ignore-columns leaves columns out" if len(headings) > 1 else ""
+        raise InputError(f"{path}: expected one column for {what}, got {len(columns)}: {same}{advice}")
     factor, offset = scale_of(path, column.heading, quantity, column.unit, selection.wanted.readings)
     if offset:
         return Source(column, lambda values: values * factor + offset), factor
@@ -510,9 +515,9 @@ def computed_pressure(flow: Mapping[str, FloatArray]) -> FloatArray:
 
     p is the static pressure that was measured, or the US Standard Atmosphere's of 1976 at the altitude.
     """
-    _, other = pressure_sources(flow)
-    mach, stated = flow[MACH_NUMBER], given(flow[other])
-    static = stated if other == STATIC_PRESSURE else static_pressure_at(stated)
+    _, pressure = pressure_sources(flow)
+    mach, stated = flow[MACH_NUMBER], given(flow[pressure])
+    static = stated if pressure == STATIC_PRESSURE else static_pressure_at(stated)
     return np.asarray(np.where(mach == 0.0, 0.0, 0.5 * HEAT_CAPACITY_RATIO * static * given(mach) ** 2))
 
 

@@ -59,14 +59,14 @@ class LevelReference:
     pressure_range: tuple[float, float] | None = None
 
     @property
-    def seen(self) -> BoolArray:
+    def observed(self) -> BoolArray:
         """(n_d,) of bool, gauges whose strain is above their noise."""
         return np.asarray((self.strain_range > 10.0 * self.noise_std) & (self.strain_range > 0.0))
 
     def ratio(self, level: FloatArray) -> float:
         """Return the median over the gauges of ``level`` (n_d,) [m/m] over the range; NaN if no gauge shows it."""
-        seen = self.seen & np.isfinite(level)
-        return float(np.median(level[seen] / self.strain_range[seen])) if seen.any() else float("nan")
+        observed = self.observed & np.isfinite(level)
+        return float(np.median(level[observed] / self.strain_range[observed])) if observed.any() else float("nan")
 
 
 def likely_units(ratio: float, factor: float) -> tuple[str, ...]:
@@ -75,7 +75,7 @@ def likely_units(ratio: float, factor: float) -> tuple[str, ...]:
     ``factor`` converts the unit stated to m/m. Two units where both leave a level that a recording may have:
     percent and mm/m are a factor of 10 apart. Empty if no unit explains the ratio.
     """
-    level = {name: ratio * other / factor for name, other in _UNITS if abs(other - factor) > 1e-9 * factor}
+    level = {name: ratio * value / factor for name, value in _UNITS if abs(value - factor) > 1e-9 * factor}
     possible = [name for name in level if _FLOWN[0] <= level[name] <= _FLOWN[1]]
     return tuple(sorted(possible, key=lambda name: abs(log10(level[name] / _TYPICAL))))
 
@@ -90,10 +90,12 @@ def _raised_level(level: FloatArray, size: FloatArray) -> FloatArray:
 
     The level in a block is made for those gauges alone of which enough strains are above ``level``.
     """
-    above = np.count_nonzero(size > np.where(np.isnan(level), -1.0, _RISE * level), axis=0)
-    known, raised = np.count_nonzero(np.isfinite(size), axis=0), level.copy()
-    some = np.flatnonzero((known > 0) & (above + 1 > (1.0 - _QUANTILE) * known))
-    if len(some):
+    raised, limit = level.copy(), np.where(np.isnan(level), -1.0, _RISE * level)
+    some = np.flatnonzero(np.fmax.reduce(size, axis=0) > limit)
+    known = np.count_nonzero(np.isfinite(size[:, some]), axis=0)
+    is_enough = np.count_nonzero(size[:, some] > limit[some], axis=0) + 1 > (1.0 - _QUANTILE) * known
+    if is_enough.any():
+        some, known = some[is_enough], known[is_enough]
         quantile = np.quantile if known.min() == len(size) else np.nanquantile
         raised[some] = np.fmax(level[some], quantile(size[:, some], _QUANTILE, axis=0))
     return raised
@@ -164,13 +166,13 @@ class LevelCheck:
         if not likely or max(q / suggested, suggested / q) < TOO_HIGH:
             return []
         likely.sort(key=lambda unit: abs(log10(in_unit[unit] / suggested)))
-        way = "give it in Pa" if name.startswith("-") else f"state the unit, as in '{name} [{likely[0]}]'"
+        advice = "give it in Pa" if name.startswith("-") else f"state the unit, as in '{name} [{likely[0]}]'"
         covered = f"what the map covers, {low:.4g} to {high:.4g} Pa"
         if reference.pressure_range is None:
             covered = f"the nominal one, {nominal:.4g} Pa"
         return [
             f"{self.path}: {name}: q_inf is {q:.4g} Pa at most, {q / nominal:.1g} times {covered}, and strains "
-            f"do not fit it: likely in {' or '.join(likely)}; {way}"
+            f"do not fit it: likely in {' or '.join(likely)}; {advice}"
         ]
 
     def _above(self) -> float:
@@ -180,8 +182,8 @@ class LevelCheck:
     def _below(self) -> float:
         """Return the level over the map's at the data's largest q_inf; NaN where noise would hide the strains."""
         reference, part = self.reference, min(self._flown(), 1.0)
-        noise = reference.noise_std[reference.seen]
-        expected = part * reference.strain_range[reference.seen]
+        noise = reference.noise_std[reference.observed]
+        expected = part * reference.strain_range[reference.observed]
         if not part >= 0.1 or not len(noise) or float(np.median(expected - _OF_NOISE * noise)) <= 0.0:
             return float("nan")
         return reference.ratio(self.level) / part
@@ -191,17 +193,17 @@ class LevelCheck:
         return float(np.fmax(self.pressure / self.reference.dynamic_pressure, 0.0))
 
     def _text(self, ratio: float) -> str:
-        seen, units = self.reference.seen & np.isfinite(self.level), likely_units(ratio, self.factor)
+        observed, units = self.reference.observed & np.isfinite(self.level), likely_units(ratio, self.factor)
         read, expected = (
-            1e6 * float(np.max(values[seen])) for values in (self.level, self.reference.strain_range)
+            1e6 * float(np.max(values[observed])) for values in (self.level, self.reference.strain_range)
         )
         likely, example = "no unit explains it", ""
         if units:
             names = (name for name, value in _UNITS if abs(value - self.factor) <= 1e-9 * self.factor)
             likely = f"likely in {' or '.join(units)}, not {next(names, f'{self.factor:g} m/m')}"
             example = f", as in 'strain[1] [{units[0]}]'"
-        way = f"; state the unit{example}, or give --accept-strain-level" if self.refuses else ""
+        advice = f"; state the unit{example}, or give --accept-strain-level" if self.refuses else ""
         return (
             f"{self.path}: strains are {ratio:.2g} times the map's, {read:.3g} um/m against {expected:.3g} um/m: "
-            f"{likely}{way}"
+            f"{likely}{advice}"
         )

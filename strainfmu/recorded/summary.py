@@ -129,10 +129,10 @@ class History:
     def _collect(self, rows: FloatArray) -> None:
         """Collect rows (n, n_c) in bins: (3, n_c) smallest, mean and largest of each."""
         rows = np.vstack([*self._rest, rows])
-        whole = len(rows) - len(rows) % self._per_bin
-        self._rest = [rows[whole:]]
-        if whole:
-            parts = rows[:whole].reshape(-1, self._per_bin, rows.shape[1])
+        complete = len(rows) - len(rows) % self._per_bin
+        self._rest = [rows[complete:]]
+        if complete:
+            parts = rows[:complete].reshape(-1, self._per_bin, rows.shape[1])
             self._bins.append(_reduced(parts, parts, parts))
         if sum(map(len, self._bins)) > 2 * MAX_BINS:
             bins = np.concatenate(self._bins)
@@ -238,7 +238,7 @@ class EstimationSummary:
     fields: int = 0
     health: Counter[str] = field(default_factory=Counter)
     blamed: dict[str, Counter[str]] = field(default_factory=dict)
-    beyond: int | None = None
+    by_coefficients: int | None = None
     history: History = field(default_factory=History)
     faults: DataChecks | None = None
     gaps: Gaps = field(default_factory=Gaps)
@@ -267,9 +267,11 @@ class EstimationSummary:
             text = f"{name}: {number} of {total} samples ({100.0 * number / total:.3g} %)"
             if name in texts:
                 text += f": {texts[name][0].lower()}{texts[name][1:]}"
-            if name == HealthState.OUTSIDE.name and self.beyond is not None:
-                by_flow = number - self.beyond
-                text += f"; by the estimated coefficients in {self.beyond}, by the flow alone in {by_flow}"
+            if name == HealthState.OUTSIDE.name and self.by_coefficients is not None:
+                by_flow = number - self.by_coefficients
+                text += (
+                    f"; by the estimated coefficients in {self.by_coefficients}, by the flow alone in {by_flow}"
+                )
             for gauge, samples in self.blamed[name].most_common(1):
                 text += f"; most often to blame: '{gauge}' (in {samples})"
             lines.append(text)
@@ -282,8 +284,8 @@ class EstimationSummary:
             rows, name = health == state, health_name(int(state))
             self.health[name] += int(rows.sum())
             if state == HealthState.OUTSIDE and np.isfinite(values[ENVELOPE_SCORE_LIMIT][0]):
-                beyond = values[ENVELOPE_SCORE][rows] > values[ENVELOPE_SCORE_LIMIT][rows]
-                self.beyond = int(beyond.sum()) + (self.beyond or 0)
+                by_coefficients = values[ENVELOPE_SCORE][rows] > values[ENVELOPE_SCORE_LIMIT][rows]
+                self.by_coefficients = int(by_coefficients.sum()) + (self.by_coefficients or 0)
             counts = {gauge: int(k) for gauge, blamed in estimates.blamed.items() if (k := blamed[rows].sum())}
             self.blamed.setdefault(name, Counter()).update(counts)
         self.history.add(block, estimates, row_names)
@@ -323,18 +325,18 @@ def _draw_health(axis: Any, time: FloatArray, states: FloatArray) -> None:
     from matplotlib.patches import Patch
 
     step = float(np.median(np.diff(time))) if len(time) > 1 else 1.0
-    first, seen = 0, dict[str, Any]()
+    first, patches = 0, dict[str, Any]()
     for rank, same in groupby(states[:, 2].astype(int).tolist()):
         n, name = len(list(same)), _NAMES[rank]
         rows = time[first : first + n]
         for part in np.split(rows, np.flatnonzero(np.diff(rows) > 5.0 * step) + 1):
             axis.axvspan(part[0], part[-1] + step, color=COLOURS[name], linewidth=0.0)
-        seen.setdefault(name, Patch(color=COLOURS[name], label=name))
+        patches.setdefault(name, Patch(color=COLOURS[name], label=name))
         first += n
     axis.set_yticks([])
     axis.set_ylabel("health", fontsize="small")
     axis.legend(
-        handles=list(seen.values()),
+        handles=list(patches.values()),
         loc="upper center",
         bbox_to_anchor=(0.5, -1.0),
         ncols=3,

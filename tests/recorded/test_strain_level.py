@@ -99,7 +99,7 @@ def notes(
 def test_a_gauge_is_seen_from_ten_times_its_noise_on() -> None:
     strain_range, noise = np.array([9.9e-6, 1.01e-5, 1e-9, 0.0, 5e-4]), np.array([1e-6, 1e-6, 0.0, 0.0, 1e-4])
     found = LevelReference(strain_range=strain_range, noise_std=noise, dynamic_pressure=1e5)
-    assert found.seen.tolist() == [False, True, True, False, False]
+    assert found.observed.tolist() == [False, True, True, False, False]
     assert found.ratio(3.0 * strain_range + [1.0, 0.0, 0.0, 1.0, 1.0]) == pytest.approx(3.0)
 
 

@@ -42,16 +42,16 @@ def mdf_table(path: Path, reading: Reading, stack: ExitStack) -> Table:
         _check_places(path, group)
     rows = [_rows(file, group, path, remarks) for group in range(len(file.groups))]
     columns = []
-    for name, at in places.items():
-        at = [(group, i) for group, i in at if i != file.masters_db.get(group)]
-        for group, i in at:
+    for name, channels in places.items():
+        channels = [(group, i) for group, i in channels if i != file.masters_db.get(group)]
+        for group, i in channels:
             is_known = reading.is_known(name.rpartition("/")[2])
             unit = file.get_channel_unit(name, group=group, index=i) if is_known else None
             columns.append(
                 Column(
                     name=name,
                     unit=str(unit) if unit else None,
-                    group=(_group(file, group),) if len(at) > 1 else (),
+                    group=(_group(file, group),) if len(channels) > 1 else (),
                     rows=rows[group],
                     read=partial(_samples, file, group, i),
                     clock=(("group", group), partial(_times, file, group)),
@@ -77,7 +77,7 @@ def _check_places(path: Path, group: Any) -> None:
 
 def _group(file: Any, group: int) -> str:
     """Return the name of a channel group, its number from 1 where it has none of its own."""
-    names = [str(getattr(one.channel_group, "acq_name", "") or "").strip() for one in file.groups]
+    names = [str(getattr(candidate.channel_group, "acq_name", "") or "").strip() for candidate in file.groups]
     return names[group] if names[group] and names.count(names[group]) == 1 else f"group[{group + 1}]"
 
 

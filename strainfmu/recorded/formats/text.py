@@ -125,14 +125,14 @@ def text_layout(path: Path, reading: Reading) -> Layout:
     lines = _first_lines(path, encoding)
     if any("\x00" in line.rstrip("\x00") for line in lines):
         raise InputError(f"{path}: damaged, or not a CSV file: expected text, got bytes of 0")
-    delimiter, at, rows = _heading_row(lines, is_known)
-    below = rows if at is None else rows[at + 1 :]
+    delimiter, index, rows = _heading_row(lines, is_known)
+    below = rows if index is None else rows[index + 1 :]
     width = len(next((cells for *_, cells in below if _is_row_of_numbers(cells)), []))
     start = 1
-    if at is None:
+    if index is None:
         headings = [f"column[{i}]" for i in range(1, width + 1)]
     else:
-        number, n_lines, cells = rows[at]
+        number, n_lines, cells = rows[index]
         headings, start = _headings(cells, lines[number - 1], delimiter, width), number + n_lines
     while headings and not headings[-1].strip():
         headings.pop()  # what stands below is refused unless it is empty too
@@ -230,13 +230,13 @@ def _heading_row(lines: Sequence[str], is_known: Callable[[str], bool]) -> tuple
     tables = {delimiter: _rows(lines, delimiter) for delimiter in ",;\t|"}
     best, chosen = 0, ("", 0, list[Line]())
     for delimiter, rows in tables.items():
-        for at, (number, _, cells) in enumerate(rows):
+        for index, (number, _, cells) in enumerate(rows):
             if number <= LONGEST_HEADER and len(cells) > best and (score := _known(cells, is_known)) > best:
-                best, chosen = score, (delimiter, at, rows)
+                best, chosen = score, (delimiter, index, rows)
     if best:
         return chosen
     first = {delimiter: _first_numbers(rows) for delimiter, rows in tables.items()}
-    if all(at is None for at in first.values()):
+    if all(index is None for index in first.values()):
         blanks = _rows(lines, BLANKS)
         of_blanks = _first_numbers(blanks)
         if of_blanks is None:
@@ -247,12 +247,12 @@ def _heading_row(lines: Sequence[str], is_known: Callable[[str], bool]) -> tuple
         if any(scores):
             return BLANKS, scores.index(max(scores)), blanks
         tables, first = {BLANKS: blanks}, {BLANKS: of_blanks}
-    delimiter, at = next((delimiter, at) for delimiter, at in first.items() if at is not None)
+    delimiter, index = next((delimiter, index) for delimiter, index in first.items() if index is not None)
     rows = tables[delimiter]
-    filled = [row for row in range(at) if any(cell.strip() for cell in rows[row][2])]
+    filled = [row for row in range(index) if any(cell.strip() for cell in rows[row][2])]
     if len(filled) > 1 and _is_row_of_units(rows[filled[-1]][2]):
         filled.pop()
-    is_heading = filled and (delimiter == BLANKS or len(_uncommented(rows[filled[-1]][2])) >= len(rows[at][2]))
+    is_heading = filled and (delimiter == BLANKS or len(_uncommented(rows[filled[-1]][2])) >= len(rows[index][2]))
     return delimiter, filled[-1] if is_heading else None, rows
 
 
@@ -264,14 +264,14 @@ def _known(cells: Sequence[str], is_known: Callable[[str], bool]) -> int:
 
 def _first_numbers(rows: Sequence[Line]) -> int | None:
     """Return the index of the first row of numbers, None without one."""
-    return next((at for at, row in enumerate(rows) if _is_row_of_numbers(row[2])), None)
+    return next((index for index, row in enumerate(rows) if _is_row_of_numbers(row[2])), None)
 
 
 def _among_blanks(line: str, width: int) -> list[str]:
     """Return the ``width`` headings of a line with blanks between them; words as they are if none fits."""
     text = " ".join(_uncommented([line]))
-    ways = (re.split(r"\s{2,}", text.strip()), _WORDS_WITH_UNITS.findall(text), text.split())
-    return next((cells for cells in ways if len(cells) == width), ways[-1])
+    splits = (re.split(r"\s{2,}", text.strip()), _WORDS_WITH_UNITS.findall(text), text.split())
+    return next((cells for cells in splits if len(cells) == width), splits[-1])
 
 
 def _headings(cells: Sequence[str], line: str, delimiter: str, width: int) -> list[str]:
@@ -298,16 +298,16 @@ def _rows_of_information(
     Ahead of the samples may stand, for each channel, its unit, rate, range or date. No row is passed over where no
     sample follows it: what is wrong in a file without samples is said of its first row.
     """
-    samples = (at for at, row in enumerate(rows) if _is_sample(row, used) and not _is_row_of_units(row))
+    samples = (index for index, row in enumerate(rows) if _is_sample(row, used) and not _is_row_of_units(row))
     first = next(samples, None)
     units, passed, ahead = None, [], 0
-    for at, row in enumerate(rows[:first]):
+    for index, row in enumerate(rows[:first]):
         if not any(cell.strip() for cell in row):
             continue
         if units is None and _is_row_of_units(row):
-            units, ahead = _units(path, headings, row), at + 1
+            units, ahead = _units(path, headings, row), index + 1
         elif first is not None:
-            passed.append((at, row[0].strip()))
+            passed.append((index, row[0].strip()))
     return (ahead if first is None else first), units, passed
 
 
@@ -348,12 +348,12 @@ def _units(path: Path, headings: Sequence[str], cells: Sequence[str]) -> tuple[s
     units: list[str | None] = []
     for column, heading in enumerate(headings):
         below = _unit(cells[column]) if column < len(cells) else ""
-        own = split_heading(heading)[1]
-        if own and below and own != below:
+        ahead = split_heading(heading)[1]
+        if ahead and below and ahead != below:
             raise InputError(
-                f"{path}: column '{heading}': unit: expected one, got '{own}' in the heading and '{below}' below"
+                f"{path}: column '{heading}': unit: expected one, got '{ahead}' in the heading and '{below}' below"
             )
-        units.append(below or own or None)
+        units.append(below or ahead or None)
     return tuple(units)
 
 
