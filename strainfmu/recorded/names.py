@@ -413,7 +413,8 @@ def unknown_text(unknown: Sequence[str], names: Sequence[str], wanted: Wanted) -
     """Return what to say of unknown columns: the names, the nearest known ones, the ways to pass over them."""
     first, advice = unknown[0], CHANNEL_FILE_HINT
     if not first:
-        return f"column {list(names).index(first) + 1}: no name found; leave it out by --ignore-columns '*', or {advice}"
+        number = list(names).index(first) + 1
+        return f"column {number}: no name found; leave it out by --ignore-columns '*', or {advice}"
     more = "" if len(unknown) == 1 else f", and of {len(unknown) - 1} others: {some_of(unknown[1:])}"
     if not any(name in (*wanted.gauge_names, STRAIN) or strain_number(name) is not None for name in names):
         return f"column '{first}': unknown name{more}; no column is a gauge or strain[i]: {advice}"

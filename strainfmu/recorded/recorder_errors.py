@@ -89,9 +89,8 @@ def _hum(time: FloatArray, strain: FloatArray) -> tuple[float, float, bool]:
     amplitude = 2.0 * np.fft.rfft(taper * (strain - strain.mean(axis=0)), axis=0) / taper.sum()
     power, first = np.mean(np.abs(amplitude) ** 2, axis=1), max(n // 20, 8)
     peak = first + int(np.argmax(power[first:-1]))
-    about = np.median(
-        np.delete(power[max(peak - 40, first) : peak + 40], slice(max(peak - 40, first), None, 10**6))
-    )
+    low = max(peak - 40, first)
+    about = np.median(np.delete(power[low : peak + 40], slice(low, None, 10**6)))
     step = float(np.median(np.diff(time)))
     if power[peak] < LINE * about or not step > 0.0:
         return 0.0, 0.0, False

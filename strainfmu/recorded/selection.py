@@ -209,12 +209,7 @@ def _times(selection: Selection, column: Column) -> Times:
         return None, channel_map.rate
     if not times and elsewhere:
         full = elsewhere[0]
-        rows = next(
-            time_frame.rows
-            for time_frame in table.frames
-            for candidate in time_frame.columns
-            if candidate.full == full
-        )
+        rows = next(table.frames[time.place[0]].rows for time in table.columns if time.full == full)
         raise InputError(
             f"{path}: column '{column.full}': expected {rows} values, as many as times in '{full}', got "
             f"{frame.rows}"

@@ -268,9 +268,9 @@ class EstimationSummary:
             if name in texts:
                 text += f": {texts[name][0].lower()}{texts[name][1:]}"
             if name == HealthState.OUTSIDE.name and self.by_coefficients is not None:
-                by_flow = number - self.by_coefficients
+                estimated = self.by_coefficients
                 text += (
-                    f"; by the estimated coefficients in {self.by_coefficients}, by the flow alone in {by_flow}"
+                    f"; by the estimated coefficients in {estimated}, by the flow alone in {number - estimated}"
                 )
             for gauge, samples in self.blamed[name].most_common(1):
                 text += f"; most often to blame: '{gauge}' (in {samples})"
