@@ -219,7 +219,7 @@ def _channel(item: TomlTable, defaults: TomlTable) -> Channel:
         quantity=item.text("gauge"),
         unit=unit,
         bridge=bridge,
-        wires=item.whole("wires", _WIRES[bridge][-1], 6),
+        wires=item.integer("wires", _WIRES[bridge][-1], 6),
         compensation=_option(item, "temperature_compensation", COMPENSATIONS),
         numbers=numbers,
     )
