@@ -212,13 +212,7 @@ class _Rows(NamedTuple):
 
 
 def _frame_rows(selection: Selection, number: int, sources: Sequence[Source]) -> Iterator[_Rows]:
-    """Yield the rows of some columns of a frame, in SI units, piece by piece.
-
-    Raises
-    ------
-    InputError
-        A time is none or not later than the one before, or a value is infinite.
-    """
+    """Yield the rows of some columns of a frame, in SI units, piece by piece; refuse values that are infinite."""
     path, frame, (time_column, factor) = selection.path, selection.table.frames[number], selection.times[number]
     columns = [source.column.place[1] for source in sources]
     read, last = 0, -np.inf
@@ -457,10 +451,7 @@ def _join_notes(path: Path, base: _Track, tracks: Sequence[_Track], join: Join) 
 def _samples(selection: Selection, keys: Sequence[str], rows: _Rows, counted: str) -> Samples:
     """Return the samples of rows, whose columns are gauges, legs or quantities by the ``keys``.
 
-    Raises
-    ------
-    InputError
-        A quantity is negative that cannot be, or strains are in another unit than stated.
+    A standard deviation that is negative is refused, and so are strains in another unit than stated.
     """
 
     def where(column: str, row: int) -> str:

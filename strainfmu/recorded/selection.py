@@ -234,13 +234,7 @@ def _named_times(table: Table) -> list[str]:
 
 
 def _stated_column(selection: Selection, what: str, name: str, where: str) -> Column:
-    """Return the column of a channel that the entry ``where`` of a channel file names.
-
-    Raises
-    ------
-    InputError
-        There is none.
-    """
+    """Return the column of a channel that the entry ``where`` of a channel file names; refuse any other."""
     path, table = selection.path, selection.table
     full = matched(path, what, name, table.names)
     if full is None:

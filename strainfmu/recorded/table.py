@@ -218,13 +218,7 @@ def as_numbers(path: Path, column: Column, values: Any, starts: list[np.datetime
 
 
 def _values(path: Path, column: Column, part: slice, starts: list[np.datetime64]) -> FloatArray:
-    """Return the values (n,) of a column in a slice of rows.
-
-    Raises
-    ------
-    InputError
-        They are no numbers, or cannot be read.
-    """
+    """Return the values (n,) of a column in a slice of rows; refuse what cannot be read."""
     where = f"{path}: column '{column.full}'"
     with _refused(f"{where}: damaged, cannot be read"):
         read = column.read(part)

@@ -503,10 +503,7 @@ class _Samples:
     def _sample(self, cells: Sequence[str], line: int, is_last: bool) -> list[float]:
         """Return the cells in use as numbers; an empty cell is no value.
 
-        Raises
-        ------
-        _NoSample
-            At the end of the file the line may be left out: it has too few cells, a word for its time, or is cut.
+        A line that may end the file raises _NoSample: it has too few cells, a word for its time, or is cut.
         """
         # A surplus cell shifts all after it, as a decimal comma between commas does.
         surplus = any(cell.strip() for cell in cells[len(self.layout.columns) :])
