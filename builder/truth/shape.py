@@ -290,7 +290,7 @@ BLOCK = 100
 def flows_along(vehicle: Vehicle, path: Trajectory, reporter: Reporter) -> tuple[FloatArray, Snapshots]:
     """Solve the flow at points of time along a manoeuvre; return these times (k,) [s] and the pressures there."""
     time = np.linspace(0.0, path.stop_time, FLOWS_ALONG_PATH)
-    conditions = tuple(path.at(float(t)) for t in time)
+    conditions = tuple(path.condition_at(float(t)) for t in time)
     return time, shape_flows(vehicle, conditions, reporter, "Flow: the vehicle that flies")
 
 
@@ -307,5 +307,5 @@ def flights_along(
     for first in range(0, len(time), BLOCK):
         part = time[first : first + BLOCK]
         none: IntArray = np.zeros(len(part), dtype=np.int64)
-        at = flown_at(snapshots.chosen(none), [path.at(float(t)) for t in part], ratio(part))
+        at = flown_at(snapshots.chosen(none), [path.condition_at(float(t)) for t in part], ratio(part))
         yield shape_flights(vehicle, structure, at, operator)
