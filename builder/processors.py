@@ -1,8 +1,9 @@
-"""The processors that this process may use, and threads of BLAS on them."""
+"""The processors that this process may use, threads of BLAS on them, and the memory it has taken."""
 
 from __future__ import annotations
 
 import os
+import sys
 from contextlib import AbstractContextManager
 from typing import cast
 
@@ -12,6 +13,16 @@ def processors() -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
+
+
+def peak_memory() -> int:
+    """Return the maximum memory this process has held [byte]; 0 where the platform does not report it."""
+    try:
+        import resource
+    except ImportError:  # Windows
+        return 0
+    held = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return int(held if sys.platform == "darwin" else 1024 * held)
 
 
 def one_thread_of_blas() -> AbstractContextManager[object]:

@@ -13,6 +13,8 @@ from pathlib import Path
 from typing import Any
 from warnings import warn
 
+import numpy as np
+
 from builder.aero.engines.registry import make_engine
 from builder.campaign.campaign_run import (
     Campaign,
@@ -48,7 +50,12 @@ from builder.structure.fourier.fourier_model import (
 from builder.structure.gauge_checks import check_gauges
 from builder.structure.mapped_structure import MappedStructure, mapped_structure
 from builder.structure.solid.case import structure_case
-from builder.structure.solid.checks import mesh_error_line
+from builder.structure.solid.checks import (
+    NO_REFERENCE,
+    REFERENCE_HARMONICS,
+    largest_amplitude,
+    reference_pressures,
+)
 from builder.structure.solid.solid_model import solve_solid_structure
 from builder.structure.structure_file import Structure
 from builder.structure.structure_fit import on_solid_model, structure_misfits, structure_record
@@ -347,3 +354,33 @@ def reporter_of(progress: AnyProgress) -> Reporter:
     from builder.pipeline.progress_bars import ConsoleReporter
 
     return ConsoleReporter(Console())
+
+
+KILOPASCAL = 1e3
+
+
+def mesh_error_line(structure: Structure, noise_std: float | None) -> str:
+    """Return one line: middle and largest mesh error per kPa of the reference loads.
+
+    Each is also given as a fraction of the gauge's largest strain under these loads and, with the gauges' noise
+    ``noise_std`` [m/m], in units of that.
+    """
+    if structure.is_external:
+        return "mesh error: not known, the structure is another code's"
+    if structure.settings["mesh_error_against"] == NO_REFERENCE:
+        return "warning: mesh error: not known, structure.checked_by names no second mesh; the sigmas leave it out"
+    length = float(structure.point[:, 0].max())
+    strain = largest_amplitude(structure.strain_operator @ reference_pressures(structure.point, length))
+    order = np.argsort(structure.mesh_error)
+
+    def text(gauge: int) -> str:
+        error = KILOPASCAL * float(structure.mesh_error[gauge])
+        percent = 100.0 * float(structure.mesh_error[gauge] / strain[gauge])
+        in_sigma = "" if noise_std is None else f", {error / noise_std:.2g} sigma"
+        return f"{1e6 * error:.2g} um/m ({percent:.2g} % of its strain{in_sigma})"
+
+    return (
+        f"mesh error per kPa of pressure of harmonics 0 to {REFERENCE_HARMONICS - 1}, against "
+        f"{structure.settings['mesh_error_against']}: middle {text(int(order[len(order) // 2]))}, "
+        f"largest {text(int(order[-1]))} at {structure.gauge_names[int(order[-1])]}"
+    )

@@ -10,14 +10,12 @@ from typing import Any
 from builder.campaign.snapshot_fit import body_misfits
 from builder.campaign.snapshots import load_snapshots
 from builder.pipeline.map_files import solid_inputs
-from builder.pipeline.stages import AnyProgress, reporter_of
+from builder.pipeline.stages import AnyProgress, mesh_error_line, reporter_of
 from builder.pipeline.used_files import STRUCTURE
 from builder.structure.external import load_export
 from builder.structure.external.external_structure import external_structure, written_influence
 from builder.structure.external.load_cases import load_cases
-from builder.structure.solid.case import solid_case, structure_case
-from builder.structure.solid.checks import mesh_error_line
-from builder.structure.solid.mesh_checks import report_text
+from builder.structure.solid.case import structure_case
 from builder.structure.solid.mesh_choice import MeshChoice
 from builder.structure.solid.solid_model import holds_structure, update_structure
 from builder.structure.structure_file import Structure, save_structure
@@ -124,7 +122,7 @@ def export_influence(
     with reporter_of(progress).stage("Case"):
         loaded = load_vehicle(vehicle)
         choice = _mesh_choice(loaded, **mesh)
-        case = solid_case(loaded, list(layouts or used_layouts(loaded)), choice, solver, allow_locking)
+        case = structure_case(loaded, list(layouts or used_layouts(loaded)), choice, solver, allow_locking)
     if path.suffix.lower() not in (".h5", ".hdf5"):
         raise InputError(f"--export-influence: expected a file .h5, got {path}")
     found = written_influence(case, loaded.gauges.layout, path)
@@ -155,7 +153,7 @@ def export_loads(
     folder, path, loaded = Path(export_loads), _needed(Path(snapshots), "--export-loads"), load_vehicle(vehicle)
     pressures = load_snapshots(path)
     refuse_misfits(path, body_misfits(pressures, loaded.body()))
-    cases, layouts = load_cases(loaded, pressures), solid_case(loaded, used_layouts(loaded)).layouts
+    cases, layouts = load_cases(loaded, pressures), structure_case(loaded, used_layouts(loaded)).layouts
     files = load_export.export_loads(cases, layouts, loaded.gauges.layout, folder, load_format)
     counts = f"{folder}: {len(cases.names)} load cases on {len(cases.surface.point)} nodes, {len(files)} files"
     if load_format == load_export.NASTRAN:
@@ -219,3 +217,11 @@ def _report(made: Structure, vehicle: Vehicle) -> Iterator[str]:
         yield f"layout {layout}: {len(made.gauges_of(layout))} gauges, {len(made.point)} pressure nodes"
     noise = vehicle.noise.std_um_per_m
     yield mesh_error_line(made, None if noise is None else 1e-6 * noise)
+
+
+def report_text(rows: Sequence[tuple[str, float, str]]) -> str:
+    """Return rows as lines of text, values aligned, counts without decimals."""
+    width = max(len(what) for what, _, _ in rows)
+    texts = [f"{value:d}" if isinstance(value, int) else f"{value:.6g}" for _, value, _ in rows]
+    lines = [f"{what:<{width}}  {text:>12} {unit}" for (what, _, unit), text in zip(rows, texts, strict=True)]
+    return "\n".join(line.rstrip() for line in lines)

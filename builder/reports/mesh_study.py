@@ -24,7 +24,7 @@ from builder.structure.fourier.fourier_model import StructuralModel, place_layou
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import harmonic_response
 from builder.structure.mapped_structure import MappedStructure, mapped_operator
-from builder.structure.solid.case import SolidCase, solid_case
+from builder.structure.solid.case import SolidCase, structure_case
 from builder.structure.solid.checks import ELEMENT_FRACTION
 from builder.structure.solid.cyclic_gauges import layout_rows
 from builder.structure.solid.gmsh_mesh import graded_wall_mesh, load_gmsh
@@ -166,7 +166,7 @@ def mesh_study(
     StrainfmuError
         Gmsh is needed and not installed, or a solver fails.
     """
-    layout, case = vehicle.gauges.layout, solid_case(vehicle, used_layouts(vehicle))
+    layout, case = vehicle.gauges.layout, structure_case(vehicle, used_layouts(vehicle))
     with reporter.stage(FOURIER) as progress:
         fourier = fourier_on_snapshots(vehicle, snapshots, progress)
         net = snapshots.pressure - snapshots.internal_pressure[:, None]

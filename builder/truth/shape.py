@@ -25,7 +25,7 @@ from builder.reporting import Reporter
 from builder.structure.as_built.as_built_vehicle import AsBuilt, Counts
 from builder.structure.as_built.displaced_structure import DisplacedGauges, refuse_others, ways_of
 from builder.structure.mapped_structure import mapped_operator
-from builder.structure.solid.case import flying_mesh, second_mesh, structure_case
+from builder.structure.solid.case import flying_mesh, structure_case
 from builder.structure.solid.gauge_layouts import DISPLACED, displaced_name
 from builder.structure.solid.solid_model import on_other_mesh
 from builder.structure.structure_file import MeshCheck, Structure
@@ -109,7 +109,7 @@ def flying_structure(vehicle: Vehicle, known: Structure | None, reporter: Report
         return structure_of_check(vehicle, known, known.check)
     layout = vehicle.gauges.layout
     case = structure_case(vehicle, [layout])
-    other = flying_mesh(vehicle) if vehicle.shape_kind == "sections" else second_mesh(case)
+    other = flying_mesh(vehicle, case)
     if other is None:
         raise InputError(NO_SECOND_MESH)
     with reporter.stage("Structure: the vehicle that flies") as progress:

@@ -319,7 +319,7 @@ def _steps(case: _Case, stack: ExitStack) -> Iterator[PeerRow]:
 
 
 def _structure(_: _Case, __: ExitStack) -> Iterator[PeerRow]:
-    from builder.structure.solid.growth import growth_rows
+    from builder.reports.growth import growth_rows
     from builder.structure.solid.linear_solvers import CYCLIC
     from builder.vehicle.file import IC3X
 

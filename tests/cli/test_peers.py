@@ -10,7 +10,7 @@ from time import perf_counter
 import pytest
 from synthetic_vehicle import synthetic_inverse_map
 
-from builder.structure.solid.growth import GrowthRow
+from builder.reports.growth import GrowthRow
 from strainfmu.cli import peers
 from strainfmu.estimator.map.inverse_map import save_inverse_map
 
@@ -37,7 +37,7 @@ def test_every_program_has_a_time_or_a_reason(tmp_path: Path, monkeypatch: pytes
     for name, value in {"SAMPLES": 300, "TRAINING": 50, "CYCLES": 3, "time_per_call": time_of_one_call}.items():
         monkeypatch.setattr(peers, name, value)
     monkeypatch.setitem(peers.MODULES, "scikit-learn", "module_that_nobody_has")
-    monkeypatch.setattr("builder.structure.solid.growth.growth_rows", growth_rows)
+    monkeypatch.setattr("builder.reports.growth.growth_rows", growth_rows)
     save_inverse_map(synthetic_inverse_map(n_gauges=12), tmp_path / "map.h5")
     rows = peers.bench_peers(tmp_path)
     assert all(isfinite(row.seconds) != bool(row.reason) for row in rows)

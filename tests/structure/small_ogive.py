@@ -9,7 +9,7 @@ from changed_vehicle import replaced
 from ogive import OGIVE
 
 from builder.reporting import Silent
-from builder.structure.solid.case import solid_case
+from builder.structure.solid.case import structure_case
 from builder.structure.solid.mesh_choice import MeshChoice
 from builder.structure.solid.solid_model import solve_solid_structure
 from builder.structure.structure_file import Structure
@@ -53,4 +53,4 @@ def solved(path: Path) -> Structure:
     """Solve the vehicle of a file on the coarse swept mesh."""
     vehicle = load_vehicle(path)
     choice = MeshChoice(resolution="coarse")
-    return solve_solid_structure(solid_case(vehicle, used_layouts(vehicle), choice), Silent())
+    return solve_solid_structure(structure_case(vehicle, used_layouts(vehicle), choice), Silent())

@@ -31,7 +31,7 @@ from builder.structure.external.load_cases import columns_found, strain_columns
 from builder.structure.external.nastran.results import nastran_strains
 from builder.structure.external.operator_of_file import structure_of_operator
 from builder.structure.external.strain_table import SubcaseStrains
-from builder.structure.solid.case import SolidCase, solid_case, structure_case
+from builder.structure.solid.case import SolidCase, structure_case
 from builder.structure.solid.gauge_rows import Gauges
 from builder.structure.solid.nodal_loads import facet_pressure_load, facet_triangles, split_facets, surface_nodes
 from builder.structure.solid.solid_mesh import EXTERNAL
@@ -290,7 +290,7 @@ def external_structure(vehicle: Vehicle, snapshots: Snapshots) -> Structure:
     InputError
         The file is missing or wrong, or does not fit snapshots or gauges.
     """
-    layouts, path = solid_case(vehicle, used_layouts(vehicle)).layouts, external_file(vehicle)
+    layouts, path = structure_case(vehicle, used_layouts(vehicle)).layouts, external_file(vehicle)
     results = nastran_strains(vehicle, layouts)
     if vehicle.structure.external == strain_per_snapshot.MODEL:
         return strain_per_snapshot.structure_of_strains(path, vehicle, snapshots, layouts, results)
@@ -313,7 +313,7 @@ def influence_of(vehicle: Vehicle) -> tuple[Influence, dict[str, tuple[str, ...]
         case = structure_case(vehicle, [in_use])
         found, layouts = solved_influence(case, in_use, Path("structure")), case.layouts
     else:
-        layouts = solid_case(vehicle, [in_use]).layouts
+        layouts = structure_case(vehicle, [in_use]).layouts
         facets = None if entry.influence_facets is None else vehicle.beside(entry.influence_facets)
         found = read_influence(external_file(vehicle), facets, nastran_strains(vehicle, layouts))
     return found, columns_found(found.path, found.column, layouts, in_use)

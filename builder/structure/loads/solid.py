@@ -16,7 +16,7 @@ from scipy.sparse import csr_array
 from builder.structure.loads.loaded_structure import INNER, OUTER, LoadProperties, SurfacePoints, check_stations
 from builder.structure.loads.of_vehicle import load_properties
 from builder.structure.loads.temperature import TemperatureField, wall_depth
-from builder.structure.solid.case import solid_case
+from builder.structure.solid.case import structure_case
 from builder.structure.solid.elements import (
     CurvedFacets,
     boundary_facets,
@@ -248,7 +248,7 @@ def solid_structure_of(
     SolverError
         The solution's residual is too large.
     """
-    case = solid_case(vehicle, [layout], mesh, solver_name)
+    case = structure_case(vehicle, [layout], mesh, solver_name)
     return solid_structure(
         mesh=case.mesh.whole,
         material=case.matter.material,

@@ -7,9 +7,9 @@
   sections (``swept_mesh``), by Gmsh (``gmsh_mesh``) or read (``mesh_files``); checked by ``mesh_checks``.
 - Operators: ``stiffness`` (A), ``nodal_loads`` (C_map: pressure at the nodes of a surface to nodal forces),
   ``gauge_rows`` (B: gauge strain per displacement), on ``elements``. Gauges of a vehicle file: ``gauge_layouts``.
-- Solution: ``supports`` or the inertia of ``matter``, solvers (``sparse_problem``, ``linear_solvers``, ``petsc``),
+- Solution: ``supports`` or the inertia of ``matter``, solvers (``sparse_problem``, ``linear_solvers``),
   then Z_p = B A^-1 C_map by ``strain_solution``; ``cyclic`` and ``cyclic_gauges`` on a mesh of equal sectors.
-- Checks by closed forms and by another mesh: ``checks``. Time and memory over the size: ``growth``.
+- Checks by closed forms and by another mesh: ``checks``.
 
 Default solvers need scipy alone and are permissive; the output names the solver in use and its licence.
 A displacement component is dof = 3 * node + component, components along body axes x, y, z.

@@ -54,7 +54,6 @@ from builder.structure.solid.solid_mesh import (
 from builder.structure.solid.sparse_problem import factor_symmetric
 from builder.structure.solid.stiffness import assemble_stiffness
 from builder.structure.solid.supports import free_motions
-from builder.structure.structure_file import Structure
 from builder.structure.wall import Material, Wall
 from builder.vehicle.shape.geometry import BodyOfRevolution, SurfaceGrid
 from strainfmu.arrays import FloatArray, IntArray
@@ -85,11 +84,6 @@ def ring_mesh(
     -------
     SolidMesh
         Surfaces external, internal, front (x = 0) and support (x = width).
-
-    Raises
-    ------
-    InputError
-        The kind of element is unknown, a length is not positive or a count too small.
     """
     if element_type not in NODES_PER_ELEMENT:
         raise InputError(f"element type '{element_type}' found, must be one of {sorted(NODES_PER_ELEMENT)}")
@@ -193,11 +187,6 @@ def inner_hoop_strain(inner_radius: float, outer_radius: float, harmonic: int, m
     Pressure cos(n phi). For n = 0 Lame, -2 (1 - nu^2) b^2 / (E (b^2 - a^2)); for n >= 2 Michell's stress function
     (A r^n + B r^-n + C r^(n+2) + D r^(2-n)) cos(n phi) (Timoshenko and Goodier, Theory of Elasticity, sections 28
     and 43).
-
-    Raises
-    ------
-    InputError
-        The harmonic is 1, whose pressure has a resultant, or negative.
     """
     a, b, n = inner_radius, outer_radius, harmonic
     plane = (1.0 - material.poisson_ratio**2) / material.youngs_modulus
@@ -224,11 +213,6 @@ def locking_ratios(elements: WallElements) -> Mapping[int, float]:
 
     The ring is two elements wide and of the wall's outer radius and thickness; no node moves along x. The strain
     is read by a gauge per element round the inner face and projected on cos(n phi).
-
-    Raises
-    ------
-    InputError
-        A length or number is not positive, or the wall is thicker than its radius.
     """
     radius, thickness, material = elements.radius, elements.thickness, elements.material
     if not (0.0 < elements.size < np.inf and elements.layers >= 1 and 0.0 < thickness < radius):
@@ -313,13 +297,7 @@ def check_locking(elements: WallElements, allow_locking: bool = False) -> Mappin
 
 
 def check_solid_elements(element_type: str, allow_locking: bool = False) -> None:
-    """Refuse linear elements of a body without a wall, of which no closed form shows what they lose in bending.
-
-    Raises
-    ------
-    InputError
-        They are linear, and ``allow_locking`` is not given.
-    """
+    """Refuse linear elements of a body without a wall, of which no closed form shows what they lose in bending."""
     if element_type not in QUADRATIC and not allow_locking:
         raise InputError(
             f"locking: {element_type} of a body without a cavity bend too little; expected one of "
@@ -368,7 +346,6 @@ def swept_elements(wall: Wall, *, radius: float, n_sectors: int, layers: int) ->
     )
 
 
-KILOPASCAL = 1e3
 NO_REFERENCE = "no other mesh"
 """What the mesh error of a structure is measured against that no second mesh checks."""
 REFERENCE_HARMONICS = 5
@@ -401,13 +378,7 @@ def fourier_can(gauges: Gauges) -> bool:
 
 
 def fourier_reference_strain(body: BodyOfRevolution, wall: Wall, gauges: Gauges) -> FloatArray:
-    """Return strain (n_d, 20) [1/Pa] under :func:`reference_pressures` by the Fourier model, clamped aft.
-
-    Raises
-    ------
-    InputError
-        The wall does not fit the body or a gauge is not on the inner surface.
-    """
+    """Return strain (n_d, 20) [1/Pa] under :func:`reference_pressures` by the Fourier model, clamped aft."""
     mesh = shell_mesh(body, wall, ELEMENT_FRACTION * body.length, 2)
     placed = place_gauges(mesh, gauges.position, gauges.direction, gauges.name)
     ends = np.array([0.0, body.length])  # pressure is linear in x between stations
@@ -416,30 +387,3 @@ def fourier_reference_strain(body: BodyOfRevolution, wall: Wall, gauges: Gauges)
     roll = np.tile(grid.roll_angle, 2)
     on_unit_radius = np.column_stack([np.repeat(ends, ROLL_ANGLES), np.sin(roll), np.cos(roll)])
     return strain_operator(response, placed, grid) @ reference_pressures(on_unit_radius, body.length)
-
-
-def mesh_error_line(structure: Structure, noise_std: float | None) -> str:
-    """Return one line: middle and largest mesh error per kPa of the reference loads.
-
-    Each is also given as a fraction of the gauge's largest strain under these loads and, with the gauges' noise
-    ``noise_std`` [m/m], in units of that.
-    """
-    if structure.is_external:
-        return "mesh error: not known, the structure is another code's"
-    if structure.settings["mesh_error_against"] == NO_REFERENCE:
-        return "warning: mesh error: not known, structure.checked_by names no second mesh; the sigmas leave it out"
-    length = float(structure.point[:, 0].max())
-    strain = largest_amplitude(structure.strain_operator @ reference_pressures(structure.point, length))
-    order = np.argsort(structure.mesh_error)
-
-    def text(gauge: int) -> str:
-        error = KILOPASCAL * float(structure.mesh_error[gauge])
-        percent = 100.0 * float(structure.mesh_error[gauge] / strain[gauge])
-        in_sigma = "" if noise_std is None else f", {error / noise_std:.2g} sigma"
-        return f"{1e6 * error:.2g} um/m ({percent:.2g} % of its strain{in_sigma})"
-
-    return (
-        f"mesh error per kPa of pressure of harmonics 0 to {REFERENCE_HARMONICS - 1}, against "
-        f"{structure.settings['mesh_error_against']}: middle {text(int(order[len(order) // 2]))}, "
-        f"largest {text(int(order[-1]))} at {structure.gauge_names[int(order[-1])]}"
-    )

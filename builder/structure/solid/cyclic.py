@@ -135,11 +135,6 @@ def pressure_operator(sector: SweptSector, surface_name: str) -> CircularOperato
     """Return C_map in sector frames [m2]: nodal forces per pressure at a surface's nodes.
 
     Columns are in the order of :func:`~builder.structure.solid.nodal_loads.surface_nodes`.
-
-    Raises
-    ------
-    InputError
-        The sector has no surface of that name.
     """
     both, node = sector_window(sector), surface_nodes(sector, surface_name)
     load = facet_pressure_load(both.node, both.named_surface(surface_name))
@@ -150,13 +145,7 @@ def pressure_operator(sector: SweptSector, surface_name: str) -> CircularOperato
 
 
 def force_operator(sector: SweptSector, surface_name: str) -> CircularOperator:
-    """Return nodal forces in sector frames per force at a surface's nodes, column = 3 * node + component [-].
-
-    Raises
-    ------
-    InputError
-        The sector has no surface of that name.
-    """
+    """Return nodal forces in sector frames per force at a surface's nodes, column = 3 * node + component [-]."""
     here = nodal_force_load(sector, surface_name)
     none = csr_array(here.shape)
     return CircularOperator(n_sectors=sector.n_sectors, here=here, after=none, before=none)
@@ -190,11 +179,6 @@ def cyclic_problem(
 
     A support is given by the name of a surface, and every sector has its part of that surface, so supports are
     cyclic as the mesh is. Three held points, or free flight, are not: those need the full mesh.
-
-    Raises
-    ------
-    InputError
-        A support's surface does not exist, supports leave a rigid motion free, or the stiffness has no material.
     """
     both = sector_window(sector)
     restraint = restrain(both, supports)
@@ -336,13 +320,6 @@ class CyclicSolver:
         Returns
         -------
         (n_d, n_sectors * n_columns), sector by sector: strain per unit of the load's columns.
-
-        Raises
-        ------
-        SolverError
-            The stiffness is singular or not positive definite, or a residual is above the bound.
-        InputError
-            There are no rows, or they do not fit the structure or are not finite.
         """
         problem = self.problem
         if not rows.shape[0] or rows.shape[1] != problem.n_dof or not np.isfinite(rows.data).all():

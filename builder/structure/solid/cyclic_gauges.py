@@ -49,11 +49,6 @@ def cyclic_gauge_rows(sector: SweptSector, gauges: Gauges) -> csr_array:
     -------
     (n_gauges, n_dof) [1/m], as :func:`~builder.structure.solid.gauge_rows.gauge_rows` gives on the full
     mesh; a gauge on the line between two sectors is searched for in the latter and takes the mean of both.
-
-    Raises
-    ------
-    InputError
-        As in :func:`~builder.structure.solid.gauge_rows.gauge_rows`.
     """
     reach = min(NEIGHBOURS + _sectors_along(sector, gauges), (sector.n_sectors - 1) // 2)
     window = sector_window(sector, reach, reach)

@@ -227,11 +227,6 @@ def reference_element(element_type: str, quadrature: Quadrature = "full") -> Ref
     element_type : key of :data:`STIFFNESS_DEGREE`.
     quadrature : ``"full"`` for :data:`STIFFNESS_DEGREE`, ``"thin_wall"`` for :data:`THIN_WALL_POINTS`, or the
         polynomial degree to be integrated exactly.
-
-    Raises
-    ------
-    InputError
-        ``"thin_wall"`` is requested of an element other than ``hexahedron20``.
     """
     if quadrature == "thin_wall":
         point, weight = _thin_wall_points(element_type)

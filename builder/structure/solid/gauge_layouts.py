@@ -41,11 +41,6 @@ def solid_gauges(vehicle: Vehicle, layout: str, mesh: MeridianMesh) -> Gauges:
     ----------
     vehicle, layout : the file and the name of the layout.
     mesh : a meridian mesh of the wall, on whose inner surface rows are placed.
-
-    Raises
-    ------
-    InputError
-        A station has no hollow behind it, a name occurs twice, or the layout's CSV file is missing or wrong.
     """
     entry = vehicle.gauges.layouts[layout]
     if entry.rows is None:
@@ -171,13 +166,7 @@ class GaugeSurface:
         return foot_point(self._curved, point)
 
     def axes(self, foot: FootPoint, where: str) -> tuple[FloatArray, FloatArray]:
-        """Return unit vectors (3,) in the surface: along x, and across it towards increasing roll angle.
-
-        Raises
-        ------
-        InputError
-            The surface stands square to the x axis there.
-        """
+        """Return unit vectors (3,) in the surface: along x, and across it towards increasing roll angle."""
         outward = foot.normal if self.name == EXTERNAL else -foot.normal
         along = np.array([1.0, 0.0, 0.0]) - outward[0] * outward
         size = float(np.linalg.norm(along))
@@ -189,13 +178,7 @@ class GaugeSurface:
         return along, np.cross(outward, along)
 
     def at_roll_angle(self, x: float, roll_angle: float, where: str) -> FootPoint:
-        """Return the point seen from the axis at ``x`` [m] at ``roll_angle`` [rad], of the outside the outermost.
-
-        Raises
-        ------
-        InputError
-            No point of the surface lies there.
-        """
+        """Return the point seen from the axis at ``x`` [m], ``roll_angle`` [rad]; outside the outermost."""
         ray = np.array([0.0, sin(roll_angle), cos(roll_angle)])
         a, b, c = (self._corners[:, k] for k in range(3))
         u, v, normal = b - a, c - a, np.cross(b - a, c - a)
@@ -216,27 +199,8 @@ class GaugeSurface:
         return self.foot(start + distance * ray)
 
 
-def check_table(vehicle: Vehicle, layout: str) -> None:
-    """Refuse a wrong file of gauges before meshes are read, which takes longer.
-
-    Raises
-    ------
-    InputError
-        As :func:`builder.vehicle.gauges.gauge_table.read_gauge_table`.
-    """
-    file = vehicle.gauges.layouts[layout].file
-    if file is not None:
-        read_gauge_table(vehicle.beside(file))
-
-
 def free_gauges(vehicle: Vehicle, layout: str, mesh: SolidMesh) -> Gauges:
-    """Return a layout of the vehicle file on the surfaces of ``mesh``.
-
-    Raises
-    ------
-    InputError
-        A gauge misses its surface by more than the tolerance, has none at its station, or its table is wrong.
-    """
+    """Return a layout of the vehicle file on the surfaces of ``mesh``."""
     entry = vehicle.gauges.layouts[layout]
     where = f"gauges.layouts.{layout}"
     if entry.rows is not None:

@@ -203,11 +203,6 @@ class Gauges:
     direction : (n, 3) of any length.
     length : (n,) gauge length [m]; 0 for strain at a point.
     surface : (n,) name of the surface each is bonded to.
-
-    Raises
-    ------
-    InputError
-        Lengths of the entries differ, a value is not finite, or a gauge length is negative.
     """
 
     name: tuple[str, ...]
@@ -232,13 +227,7 @@ class Gauges:
 
 
 def joined_gauges(parts: list[Gauges], where: str) -> Gauges:
-    """Return the gauges of ``parts`` as one layout; ``where`` is its entry in the vehicle file.
-
-    Raises
-    ------
-    InputError
-        Two gauges have one name.
-    """
+    """Return the gauges of ``parts`` as one layout; ``where`` is its entry in the vehicle file."""
     name = tuple(one for part in parts for one in part.name)
     for one in name:
         if name.count(one) > 1:

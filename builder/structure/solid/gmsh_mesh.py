@@ -46,13 +46,7 @@ OPTIONS = {
 
 
 def load_gmsh() -> Any:
-    """Return the module ``gmsh``.
-
-    Raises
-    ------
-    StrainfmuError
-        Gmsh or a system library it needs is not installed.
-    """
+    """Return the module ``gmsh``."""
     try:
         import gmsh
     except (ImportError, OSError) as error:
@@ -65,13 +59,7 @@ def load_gmsh() -> Any:
 
 @contextlib.contextmanager
 def gmsh_model(what: str) -> Iterator[Any]:
-    """Give a fresh, silent Gmsh model, and take it away afterwards; its errors become one line about ``what``.
-
-    Raises
-    ------
-    StrainfmuError
-        Gmsh is not installed or fails.
-    """
+    """Give a fresh, silent Gmsh model, and take it away afterwards; its errors become one line about ``what``."""
     gmsh = load_gmsh()
     ours = not gmsh.isInitialized()
     if ours:
@@ -312,13 +300,6 @@ def wall_mesh(body: BodyOfRevolution, wall: Wall, element_length: float) -> Soli
     ----------
     body, wall : outer shape; thickness and solid tip, as in the Fourier model.
     element_length : largest element edge [m].
-
-    Raises
-    ------
-    InputError
-        The wall does not fit the body, or the length is not positive.
-    StrainfmuError
-        Gmsh is not installed or fails.
     """
     check_length(element_length)
     return _wall_mesh(body, wall, str(element_length), 1.0)

@@ -21,7 +21,8 @@ from builder.structure.solid.nodal_loads import vector_area
 from builder.structure.solid.solid_mesh import EXTERNAL, SolidMesh
 from builder.structure.solid.stiffness import CHUNK, physical_gradients
 from builder.structure.solid.supports import Restraint, free_motions, rigid_motions
-from builder.structure.wall import Material
+from builder.structure.wall import Material, material_of
+from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 
@@ -67,17 +68,11 @@ class Matter:
 
     def known_densities(self, regions: tuple[str, ...]) -> dict[str, float] | None:
         """Return the density of each region [kg/m3], None where one is not known."""
-        found = {name: density for name in regions if (density := self._of(name)[1]) is not None}
-        return found if len(found) == len(regions) else None
+        known = all(self._of(name)[1] is not None for name in regions)
+        return self.densities(regions) if known else None
 
     def densities(self, regions: tuple[str, ...]) -> dict[str, float]:
-        """Return the density of each region [kg/m3].
-
-        Raises
-        ------
-        InputError
-            One is missing or not positive.
-        """
+        """Return the density of each region [kg/m3]."""
         found = {}
         for name in regions:
             density = self._of(name)[1]
@@ -101,13 +96,7 @@ class Matter:
         return {name: value for name, value in record.items() if value}
 
     def check(self, mesh: SolidMesh) -> None:
-        """Refuse names that the mesh does not have.
-
-        Raises
-        ------
-        InputError
-            A region or a surface does not exist.
-        """
+        """Refuse names that the mesh does not have."""
         for name in self.of_region:
             if name not in [one.lower() for one in mesh.region_names]:
                 known = ", ".join(mesh.region_names)
@@ -122,6 +111,25 @@ class Matter:
 
     def _of(self, region: str) -> tuple[Material, float | None]:
         return self.of_region.get(region.lower(), (self.material, self.density))
+
+
+def matter_of(vehicle: Vehicle) -> Matter:
+    """Return materials and masses of the vehicle file."""
+    entry, own = vehicle.structure, vehicle.material
+    return Matter(
+        material=material_of(own),
+        density=own.density_kg_per_m3,
+        of_region={
+            region.lower(): (material_of(vehicle.materials[name]), vehicle.materials[name].density_kg_per_m3)
+            for region, name in entry.mesh_materials.items()
+        },
+        points=tuple(
+            PointMass(mass=mass.mass_kg, position=(mass.x_m, mass.y_m, mass.z_m), surface=mass.on.lower())
+            for mass in entry.point_masses
+            if mass.on is not None
+        ),
+        covers=tuple((cover.start_x_m, cover.end_x_m, cover.mass_kg_per_m2) for cover in entry.covers),
+    )
 
 
 def carried_inertia(mesh: SolidMesh, matter: Matter, centre: FloatArray) -> FloatArray:
@@ -197,13 +205,7 @@ class FreeFlight:
 
 
 def free_flight(mesh: SolidMesh, matter: Matter) -> FreeFlight:
-    """Return a body's rigid motions and inertia, with the masses that it carries.
-
-    Raises
-    ------
-    InputError
-        A region has no density or one that is not positive.
-    """
+    """Return a body's rigid motions and inertia, with the masses that it carries."""
     density = matter.densities(mesh.region_names)
     of_region = np.array([density[name] for name in mesh.region_names])
 
@@ -247,11 +249,6 @@ def determinate_support(mesh: SolidMesh, node: IntArray | None = None) -> Restra
     mesh : the mesh.
     node : (3,) nodes: the first is held, the second may move towards the first, the third within the plane of
         the three. By default nodes far apart.
-
-    Raises
-    ------
-    InputError
-        The three nodes lie on a line.
     """
     chosen = _nodes_far_apart(mesh) if node is None else np.asarray(node)
     a, b, c = mesh.node[chosen]

@@ -229,13 +229,7 @@ def element_volumes(mesh: SolidMesh) -> FloatArray:
 
 
 def surface_area(mesh: SolidMesh, name: str) -> float:
-    """Return the area of a named surface [m2], curved edges included.
-
-    Raises
-    ------
-    InputError
-        The mesh has no surface of that name.
-    """
+    """Return the area of a named surface [m2], curved edges included."""
     reference = reference_facet(mesh.element_type)
     position = mesh.node[mesh.named_surface(name)]
     tangent = np.einsum("qad,fac->fqcd", reference.gradient, position)
@@ -244,13 +238,7 @@ def surface_area(mesh: SolidMesh, name: str) -> float:
 
 
 def facet_size(mesh: SolidMesh, name: str) -> float:
-    """Return the median length of the longest edge of a surface's facets [m], along the chord.
-
-    Raises
-    ------
-    InputError
-        The mesh has no surface of that name.
-    """
+    """Return the median length of the longest edge of a surface's facets [m], along the chord."""
     corner = mesh.node[mesh.named_surface(name)[:, : FACE_CORNERS[mesh.element_type]]]
     return float(np.median(np.linalg.norm(np.roll(corner, -1, axis=1) - corner, axis=-1).max(axis=1)))
 
@@ -260,11 +248,6 @@ def facet_size_round_axis(mesh: SolidMesh, name: str, radius: float) -> float:
 
     Facets lock by their length over sqrt(r t): the median of length / sqrt(r) counts, times the root of
     ``radius``. A facet's length is taken along its edge that reaches furthest round the axis.
-
-    Raises
-    ------
-    InputError
-        The mesh has no surface of that name.
     """
     corner = mesh.node[mesh.named_surface(name)[:, : FACE_CORNERS[mesh.element_type]], 1:]
     following = np.roll(corner, -1, axis=1)
@@ -318,11 +301,6 @@ def mesh_report(
     density : by name of region [kg/m3]; with it, the mass of each region and the total.
     exact : the volume [m3] (key ``volume``) and areas [m2] by surface name of the body meant, as of
         :func:`exact_wall`; with it, relative errors.
-
-    Raises
-    ------
-    InputError
-        A region has no density, or a density is not positive.
     """
     quality = scaled_jacobian(mesh.element_type, mesh.node, mesh.element)
     worst = mesh.node[mesh.element[quality.argmin()]].mean(axis=0)
@@ -371,14 +349,6 @@ def _masses(mesh: SolidMesh, volume: FloatArray, density: Mapping[str, float] | 
     return [*rows, ("mass", sum(value for _, value, _ in rows), "kg")]
 
 
-def report_text(rows: Sequence[Row]) -> str:
-    """Return rows as lines of text, values aligned, counts without decimals."""
-    width = max(len(what) for what, _, _ in rows)
-    texts = [f"{value:d}" if isinstance(value, int) else f"{value:.6g}" for _, value, _ in rows]
-    lines = [f"{what:<{width}}  {text:>12} {unit}" for (what, _, unit), text in zip(rows, texts, strict=True)]
-    return "\n".join(line.rstrip() for line in lines)
-
-
 BODY_LENGTH_TOLERANCE = 0.005  # of the length
 RADIUS_TOLERANCE = 0.01  # of the base radius, at all but a few nodes
 WALL_TOLERANCE = 0.02  # of the thickness, in the middle over the nodes
@@ -390,11 +360,6 @@ def mesh_misfits(mesh: SolidMesh, body: BodyOfRevolution, wall: Wall) -> list[Mi
     """Return in what a mesh in body axes differs from ``body`` and ``wall``: length, radius, wall thickness.
 
     Corners of facets are compared: they lie on the surface even where facets are flat.
-
-    Raises
-    ------
-    InputError
-        The mesh has no external or no internal surface.
     """
     outside, inside = _meridian(mesh, EXTERNAL), _meridian(mesh, INTERNAL)
     found = []

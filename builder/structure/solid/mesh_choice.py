@@ -48,11 +48,6 @@ class MeshChoice:
     unit : length of the unit of a mesh or STL file [m].
     by_position : find the surfaces of a mesh that is read by their position, not by names.
     layers : elements through the wall of a swept mesh; None for the layers of the resolution.
-
-    Raises
-    ------
-    InputError
-        The resolution is unknown, or a unit or by_position is given without a file it applies to.
     """
 
     source: str = SWEPT
@@ -83,13 +78,7 @@ class MeshChoice:
         return "gmsh_tetrahedra" if made else "imported"
 
     def inputs(self) -> dict[str, Any]:
-        """Return all that the mesh depends on besides body and wall, a file by its bytes.
-
-        Raises
-        ------
-        InputError
-            The file is missing.
-        """
+        """Return all that the mesh depends on besides body and wall, a file by its bytes."""
         given: dict[str, Any] = {"model": self.model, "unit": self.unit, "by_position": self.by_position}
         if self.file is not None:
             if not self.file.is_file():
@@ -107,15 +96,7 @@ class MeshChoice:
 
 
 def make_mesh(body: BodyOfRevolution, wall: Wall, choice: MeshChoice) -> AnyMesh:
-    """Make or read the mesh; a swept one as its sector.
-
-    Raises
-    ------
-    InputError
-        The wall does not fit the body, or the file is missing, damaged or of another length than the body.
-    StrainfmuError
-        Gmsh or meshio is needed and not installed, or fails.
-    """
+    """Make or read the mesh; a swept one as its sector."""
     if not wall.is_plain:
         raise InputError(f"structure.regions, structure.frames: {NONE_HERE}")
     if wall.flight is not None and (wall.flight.points or wall.flight.covers):
@@ -138,13 +119,7 @@ def make_mesh(body: BodyOfRevolution, wall: Wall, choice: MeshChoice) -> AnyMesh
 
 
 def check_other(mesh: SolidMesh, other: SolidMesh, path: Path) -> None:
-    """Refuse a second mesh, of ``path``, with the elements of the first: the difference would be 0, not the error.
-
-    Raises
-    ------
-    InputError
-        It has them, in whatever order.
-    """
+    """Refuse a second mesh, of ``path``, with the elements of the first: their difference would be 0."""
     if same_elements(mesh, other):
         raise InputError(
             f"structure.checked_by: expected another mesh than the first, got its {len(mesh.element)} elements "
@@ -153,13 +128,7 @@ def check_other(mesh: SolidMesh, other: SolidMesh, path: Path) -> None:
 
 
 def coarser_sector(body: BodyOfRevolution, wall: Wall, choice: MeshChoice) -> SweptSector:
-    """Return the swept mesh that a mesh is compared with: the next coarser one, or the same if it is no swept one.
-
-    Raises
-    ------
-    InputError
-        The wall does not fit the body.
-    """
+    """Return the swept mesh that a mesh is compared with: the next coarser, of no swept one the same."""
     if choice.source != SWEPT:
         return swept_wall(body, wall, choice.with_layers(RESOLUTIONS[choice.resolution]))
     coarser = COARSER.get(choice.resolution)

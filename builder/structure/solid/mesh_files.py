@@ -257,13 +257,6 @@ def write_mesh(
     mesh : the mesh.
     fields : per name the values (n,) or (n, 3) at the nodes, in any unit; the name should state it.
     with_surfaces : whether to write the facets.
-
-    Raises
-    ------
-    InputError
-        The ending is another, or a field is of the wrong shape or not finite.
-    StrainfmuError
-        The file cannot be written.
     """
     if path.suffix.lower() != ".vtu":
         raise InputError(f"{path}: ending '{path.suffix}' found, must be .vtu")

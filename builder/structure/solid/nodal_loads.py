@@ -25,13 +25,7 @@ ELEMENT_OF_FACET = {3: "tetrahedron4", 4: "hexahedron8", 6: "tetrahedron10", 8: 
 
 
 def surface_nodes(mesh: AnyMesh, name: str) -> IntArray:
-    """Return (n_p,) nodes of a surface in increasing order; of a sector, those that belong to it.
-
-    Raises
-    ------
-    InputError
-        The mesh has no surface of that name.
-    """
+    """Return (n_p,) nodes of a surface in increasing order; of a sector, those that belong to it."""
     if isinstance(mesh, SolidMesh):
         return np.unique(mesh.named_surface(name))
     return np.unique(sector_window(mesh).named_surface(name) % mesh.n_nodes)
@@ -84,11 +78,6 @@ def pressure_load(mesh: SolidMesh, surface_name: str, column: IntArray | None = 
     Returns
     -------
     (n_dof, n_p) [m2].
-
-    Raises
-    ------
-    InputError
-        The mesh has no surface of that name.
     """
     if column is None:
         column = np.searchsorted(surface_nodes(mesh, surface_name), mesh.named_surface(surface_name))
@@ -120,11 +109,6 @@ def nodal_force_load(mesh: AnyMesh, surface_name: str) -> csr_array:
     """Return nodal forces (n_dof, 3 n_p) per force at the nodes of a surface, column = 3 * node + component [-].
 
     Nodes are in the order of :func:`surface_nodes`; of a sector, forces and displacements are in its frame.
-
-    Raises
-    ------
-    InputError
-        The mesh has no surface of that name.
     """
     row = (3 * surface_nodes(mesh, surface_name)[:, None] + np.arange(3)).ravel()
     return csr_array((np.ones(len(row)), (row, np.arange(len(row)))), shape=(mesh.n_dof, len(row)))
@@ -143,13 +127,7 @@ _TRIANGLES = {
 
 
 def triangulated_surface(mesh: SolidMesh, name: str) -> SurfaceMesh:
-    """Return a surface as triangles over all its nodes, in the order of :func:`surface_nodes`.
-
-    Raises
-    ------
-    InputError
-        The mesh has no surface of that name.
-    """
+    """Return a surface as triangles over all its nodes, in the order of :func:`surface_nodes`."""
     facet = mesh.named_surface(name)
     node = surface_nodes(mesh, name)
     return SurfaceMesh(mesh.node[node], np.searchsorted(node, facet_triangles(facet)))
@@ -161,13 +139,7 @@ def facet_triangles(facet: IntArray) -> IntArray:
 
 
 def split_surface(mesh: SolidMesh, name: str) -> tuple[SurfaceMesh, IntArray]:
-    """Return :func:`split_facets` of a named surface of a mesh.
-
-    Raises
-    ------
-    InputError
-        The mesh has no surface of that name, or two of its nodes lie at one place.
-    """
+    """Return :func:`split_facets` of a named surface of a mesh."""
     facet, node = mesh.named_surface(name), surface_nodes(mesh, name)
     try:
         return split_facets(mesh.node[node], np.searchsorted(node, facet))
@@ -193,11 +165,6 @@ def split_facets(node: FloatArray, facet: IntArray, angle: float = SHARP_EDGE) -
     -------
     surface : triangles over the split nodes.
     column : (f, n_f) split node of each node of each facet, for :func:`pressure_load`.
-
-    Raises
-    ------
-    InputError
-        Two of the nodes lie at one place.
     """
     whole = SurfaceMesh(node, facet_triangles(facet))
     split = split_at_edges(whole, angle)

@@ -41,11 +41,6 @@ class SolidMesh:
     region_names : names of the regions.
     surface : per name the facets (f, n_f) node numbers, outward normal by the right-hand rule.
     is_swept : whether reference axes of the elements run along, round and through the wall.
-
-    Raises
-    ------
-    InputError
-        Shapes do not fit the element type, a coordinate is not finite, or a node does not exist.
     """
 
     element_type: str
@@ -90,13 +85,7 @@ class SolidMesh:
         return self
 
     def named_surface(self, name: str) -> IntArray:
-        """Return the facets (f, n_f) of a surface.
-
-        Raises
-        ------
-        InputError
-            The mesh has no surface of that name; the message lists those it has.
-        """
+        """Return the facets (f, n_f) of a surface."""
         if name not in self.surface or not len(self.surface[name]):
             raise InputError(f"mesh: no surface '{name}', found {sorted(self.surface) or 'none'}")
         return self.surface[name]
@@ -117,13 +106,7 @@ def _elements_in_order(mesh: SolidMesh) -> FloatArray:
 
 
 def linear_tetrahedra(mesh: SolidMesh) -> SolidMesh:
-    """Return the linear tetrahedra on the corners of quadratic ones, to show what is lost with the middle nodes.
-
-    Raises
-    ------
-    InputError
-        The mesh is of other elements.
-    """
+    """Return linear tetrahedra on the corners of quadratic ones, to show what is lost without middle nodes."""
     if mesh.element_type != "tetrahedron10":
         raise InputError(f"mesh: element type '{mesh.element_type}' found, must be tetrahedron10")
     used, element = np.unique(mesh.element[:, :4], return_inverse=True)

@@ -12,10 +12,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csr_array
 
 from builder.reporting import Progress, Reporter
-from builder.structure.solid.case import SolidCase, wall_elements
+from builder.structure.solid.case import SolidCase
 from builder.structure.solid.checks import (
     NO_REFERENCE,
     LockingWarning,
@@ -36,7 +35,7 @@ from builder.structure.solid.mesh_checks import (
 from builder.structure.solid.mesh_choice import MeshChoice, make_mesh
 from builder.structure.solid.nodal_loads import loaded_surface
 from builder.structure.solid.solid_mesh import INTERNAL, SolidMesh
-from builder.structure.solid.strain_solution import StrainSolution, solve_strain
+from builder.structure.solid.strain_solution import solve_strain
 from builder.structure.solid.swept_mesh import AnyMesh
 from builder.structure.structure_file import MeshCheck, Structure, save_structure, structure_to_reuse
 from builder.structure.wall import Wall
@@ -50,13 +49,7 @@ NEEDS_BOTH = "the vehicle file must state the body and the wall of the mesh"
 
 
 def holds_structure(path: Path, case: SolidCase) -> bool:
-    """Return whether ``path`` holds the structure of ``case``.
-
-    Raises
-    ------
-    InputError
-        It holds an artefact of another kind.
-    """
+    """Return whether ``path`` holds the structure of ``case``."""
     before = structure_to_reuse(path)
     return before is not None and before.settings["made_from"] == case.made_from()
 
@@ -112,7 +105,7 @@ def solve_solid_structure(case: SolidCase, reporter: Reporter, before: Structure
     with reporter.stage("Gauges"):
         rows = layout_rows(mesh, case.layouts)
     with reporter.stage("Strain per pressure") as progress:
-        solved = _solved(case, mesh, rows, case.solver, progress)
+        solved = solve_strain(mesh, case.matter, case.support, rows, case.solver, progress)
     error, check, against = np.zeros(len(solved.strain_operator)), None, NO_REFERENCE
     if case.reference is not None or case.other is not None:
         with reporter.stage("Mesh error") as progress:
@@ -156,26 +149,20 @@ def on_other_mesh(
     """Return Z_p of the gauges on another mesh; on one of free shape each is moved onto its surface."""
     is_free = case.body is None
     rows = layout_rows(mesh, case.layouts, near_surface=is_free)
-    surface = loaded_surface(mesh)[0]
+    surface, solver = loaded_surface(mesh)[0], case.solver if is_free else None
     return MeshCheck(
         against=f"{name} of {mesh.whole.n_dof} dofs",
         factor=1.0,
-        strain_operator=_solved(case, mesh, rows, case.solver if is_free else None, progress).strain_operator,
+        strain_operator=solve_strain(mesh, case.matter, case.support, rows, solver, progress).strain_operator,
         point=surface.point,
         triangle=surface.triangle,
     )
 
 
 def strain_per_force(case: SolidCase) -> tuple[SolidMesh, FloatArray]:
-    """Return the whole mesh and the strain (n_d, n_p, 3) [1/N] of all layouts per force at its external nodes.
-
-    Raises
-    ------
-    InputError, StrainfmuError
-        As :func:`solve_solid_structure`; checks and the locking of the mesh are that function's.
-    """
+    """Return the whole mesh and the strain (n_d, n_p, 3) [1/N] of all layouts per force at its external nodes."""
     rows = layout_rows(case.mesh, case.layouts)
-    solved = _solved(case, case.mesh, rows, case.solver, None, of_forces=True)
+    solved = solve_strain(case.mesh, case.matter, case.support, rows, case.solver, of_forces=True)
     return case.mesh.whole, solved.strain_operator.reshape(len(solved.strain_operator), -1, 3)
 
 
@@ -191,52 +178,30 @@ def check_gauges_on_mesh(body: BodyOfRevolution, wall: Wall, layouts: Mapping[st
 
 
 def _examined(case: SolidCase, reporter: Reporter) -> dict[str, Any]:
-    """Check the mesh and describe it; return the settings ``mesh_report`` and ``locking`` that follow."""
+    """Check the mesh and describe it; return the settings ``mesh_report`` and ``locking`` that follow.
+
+    ``locking`` is the share of the wall's bending that is kept, by harmonic; a body without a cavity has no wall.
+    """
     mesh = case.mesh.whole
     exact = None if case.body is None else exact_wall(*case.of_revolution)
     with reporter.stage("Mesh checks and report"):
         check_mesh(mesh, case.length, hollow=case.body is not None)
         if case.file is not None:
             refuse_misfits(case.file, mesh_misfits(mesh, *case.of_revolution), NEEDS_BOTH)
-        report = [
-            [what, value if isinstance(value, int) else float(value), unit]
-            for what, value, unit in mesh_report(mesh, case.matter.known_densities(mesh.region_names), exact)
-        ]
+        report = mesh_report(mesh, case.matter.known_densities(mesh.region_names), exact)
+    ratios: Mapping[int, float] = {}
     with reporter.stage("Locking check"), warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", LockingWarning)
-        ratios = _locking(case, reporter)
+        if INTERNAL in mesh.surface:
+            ratios = check_locking(case.wall_elements, case.allow_locking)
+        else:
+            check_solid_elements(mesh.element_type, case.allow_locking)
+            reporter.note(
+                "mesh: a body without a cavity (no surface 'internal'): it has no wall whose bending locks"
+            )
     for warning in caught:
         reporter.note(f"warning: {warning.message}")
     return {
-        "mesh_report": report,
+        "mesh_report": [list(row) for row in report],
         "locking": {str(harmonic): float(ratio) for harmonic, ratio in ratios.items()},
     }
-
-
-def _locking(case: SolidCase, reporter: Reporter) -> Mapping[int, float]:
-    """Return the kept share of the wall's bending by harmonic; a body without a cavity has no wall."""
-    mesh = case.mesh.whole
-    if INTERNAL in mesh.surface:
-        return check_locking(wall_elements(case), case.allow_locking)
-    check_solid_elements(mesh.element_type, case.allow_locking)
-    reporter.note("mesh: a body without a cavity (no surface 'internal'): it has no wall whose bending locks")
-    return {}
-
-
-def _solved(
-    case: SolidCase,
-    mesh: AnyMesh,
-    rows: csr_array,
-    solver: str | None,
-    progress: Progress | None,
-    of_forces: bool = False,
-) -> StrainSolution:
-    return solve_strain(
-        mesh,
-        matter=case.matter,
-        support=case.support,
-        rows=rows,
-        solver_name=solver,
-        progress=progress,
-        of_forces=of_forces,
-    )

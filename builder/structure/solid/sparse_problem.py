@@ -13,7 +13,6 @@ SuperLU, which scipy brings along.
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -54,11 +53,6 @@ class SparseProblem:
     free : (n_dof, n_free) free motions, orthonormal columns [-].
     node : (n_dof / 3, 3) positions [m] of the nodes, whose planes of symmetry part the problem; None where the
         unknowns belong to no nodes.
-
-    Raises
-    ------
-    InputError
-        Shapes do not fit, an entry is not finite, or the matrix is not symmetric.
     """
 
     matrix: csr_array
@@ -86,29 +80,13 @@ class SparseProblem:
 
 
 def checked_loads(loads: FloatArray | csr_array, n_dof: int) -> FloatArray | csc_array:
-    """Return loads (n_dof, k), sparse ones by columns.
-
-    Raises
-    ------
-    InputError
-        They have another shape, or one is not finite.
-    """
+    """Return loads (n_dof, k), sparse ones by columns."""
     if loads.ndim != 2 or loads.shape[0] != n_dof:
         raise InputError(f"loads {loads.shape} found, must be ({n_dof}, any number)")
     checked = csc_array(loads) if issparse(loads) else np.asarray(loads, dtype=np.float64)
     if not np.isfinite(checked.data if issparse(checked) else checked).all():
         raise InputError("loads: a value is not finite")
     return checked
-
-
-def peak_memory() -> int:
-    """Return the maximum memory this process has held [byte]; 0 where the platform does not report it."""
-    try:
-        import resource
-    except ImportError:  # Windows
-        return 0
-    held = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return int(held if sys.platform == "darwin" else 1024 * held)
 
 
 def relative_residual(
@@ -143,13 +121,7 @@ def checked_residual(
     right_hand_side: FloatArray | ComplexArray,
     bound: float = RESIDUAL_BOUND,
 ) -> float:
-    """Return :func:`relative_residual`, refusing solutions that are none.
-
-    Raises
-    ------
-    SolverError
-        It is above ``bound`` or not a number; ``name`` is the solver's, for the message.
-    """
+    """Return :func:`relative_residual`, refusing solutions that are none."""
     residual = relative_residual(matrix, solution, right_hand_side)
     if not residual <= bound:
         raise SolverError(
@@ -182,11 +154,6 @@ def refuse_indefinite(name: str, matrix: csr_array, solve: Callable[[Any], Any],
     matrix : (n, n) symmetric or Hermitian.
     solve : (n, k) to A^-1 times it.
     probe : (n, k) loads, such as :func:`probe_loads` gives.
-
-    Raises
-    ------
-    SolverError
-        A check fails.
     """
     if not (matrix.diagonal().real > 0.0).all():
         raise SolverError(f"solver {name}: the stiffness is not positive definite (its diagonal is not positive)")
@@ -313,11 +280,6 @@ def factor_symmetric(matrix: csr_array | csc_array) -> Any:
     Returns
     -------
     scipy.sparse.linalg.SuperLU
-
-    Raises
-    ------
-    SolverError
-        The matrix is singular to round-off, or memory does not suffice.
     """
     try:
         return splu(

@@ -37,11 +37,6 @@ def physical_gradients(
     -------
     gradient : (m, n_q, 3, n_e) [1/m].
     volume : (m, n_q) weight times determinant of the Jacobian [m3], positive.
-
-    Raises
-    ------
-    InputError
-        An element is turned inside out.
     """
     reference = reference_element(element_type, quadrature)
     n_q, n_e, _ = reference.gradient.shape
@@ -64,13 +59,7 @@ def physical_gradients(
 
 
 def element_materials(mesh: SolidMesh, materials: Mapping[str, Material]) -> FloatArray:
-    """Return (m, 2) Lamé's lambda and mu [Pa] of each element.
-
-    Raises
-    ------
-    InputError
-        A region has no material.
-    """
+    """Return (m, 2) Lamé's lambda and mu [Pa] of each element."""
     missing = [name for name in mesh.region_names if name not in materials]
     if missing:
         raise InputError(f"mesh: region '{missing[0]}' has no material, found {sorted(materials) or 'none'}")
@@ -114,12 +103,6 @@ def element_stiffness(
     Returns
     -------
     (m, 3 n_e, 3 n_e) [N/m], symmetric; local dof = 3 * local node + component.
-
-    Raises
-    ------
-    InputError
-        A region has no material, an element is turned inside out, or the quadrature has weights that are not
-        positive (tetrahedra at degrees 3 and 4).
     """
     size = 3 * mesh.element.shape[1]
     return np.concatenate([part.reshape(-1, size, size) for _, part in _chunks(mesh, materials, quadrature)])

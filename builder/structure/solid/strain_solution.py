@@ -43,11 +43,6 @@ def held_problem(
     materials : material by name of region.
     supports : what holds it, or the restraint they make; None in free flight, where three nodes hold the rigid
         motions and :class:`~builder.structure.solid.matter.FreeFlight` balances the load.
-
-    Raises
-    ------
-    InputError
-        A region has no material, an element is turned inside out, or the supports leave a rigid motion free.
     """
     if supports is None:
         supports = determinate_support(mesh)
@@ -75,13 +70,6 @@ def strain_operator(
     Returns
     -------
     (n_gauges, n_p) [1/Pa].
-
-    Raises
-    ------
-    InputError
-        Rows and load are of different meshes.
-    SolverError
-        A solution's residual is too large.
     """
     if rows.shape[1] != load.shape[0]:
         raise InputError(f"gauge rows are of {rows.shape[1]} dofs, the load of {load.shape[0]}")
@@ -164,13 +152,6 @@ def solve_strain(
     solver_name : name of a solver, or None for the best installed one.
     progress : called with (done, in all).
     of_forces : columns are forces along x, y, z at the external nodes, column = 3 * node + component [1/N].
-
-    Raises
-    ------
-    InputError
-        The solver is unknown, not installed or does not fit, a density is missing, or a rigid motion is left free.
-    SolverError
-        The stiffness is singular, or a residual is too large.
     """
     if (
         isinstance(mesh, SweptSector)

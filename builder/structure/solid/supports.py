@@ -7,14 +7,16 @@ free^T A free alone. At each held node the free motions are unit vectors, turned
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 from scipy.sparse import coo_array, csr_array
 
 from builder.structure.solid.elements import reference_facet
 from builder.structure.solid.nodal_loads import surface_nodes, vector_area
-from builder.structure.solid.solid_mesh import SolidMesh
+from builder.structure.solid.solid_mesh import SUPPORT, SolidMesh
+from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 
@@ -43,11 +45,6 @@ class Foundation:
     ----------
     surface : name of the surface.
     normal, tangential : stiffness per area along and across the surface's normal [N/m3].
-
-    Raises
-    ------
-    InputError
-        A stiffness is negative or not finite, or both are 0.
     """
 
     surface: str
@@ -64,6 +61,25 @@ class Foundation:
 
 
 Support = Clamped | Foundation
+
+
+def support_of(vehicle: Vehicle) -> Support | None:
+    """Return what holds the vehicle, None in free flight."""
+    entry = vehicle.structure
+    if entry.support == "free_flight":
+        return None
+    if entry.support == "clamped_aft":
+        return Clamped(SUPPORT)
+    assert entry.foundation_normal_N_per_m3 is not None
+    assert entry.foundation_tangential_N_per_m3 is not None
+    return Foundation(SUPPORT, entry.foundation_normal_N_per_m3, entry.foundation_tangential_N_per_m3)
+
+
+def support_entries(support: Support | None) -> dict[str, Any]:
+    """Return what a file states of the support."""
+    if support is None:
+        return {"kind": "free flight"}
+    return {"kind": type(support).__name__.lower(), **asdict(support)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,32 +107,16 @@ class Restraint:
 
 
 def restrain(mesh: SolidMesh, supports: Sequence[Support]) -> Restraint:
-    """Return what supports leave free.
-
-    Parameters
-    ----------
-    mesh : the mesh, with the supports' surfaces.
-    supports : any number of them; where several meet at a node, each holds its own.
-
-    Raises
-    ------
-    InputError
-        A surface does not exist, or a rigid motion is left free; the message names one.
-    """
-    node, direction = _held_directions(mesh, supports)
+    """Return what supports leave free: any number of them, on surfaces of ``mesh``."""
+    clamped = [surface_nodes(mesh, support.surface) for support in supports if isinstance(support, Clamped)]
+    node = np.repeat(np.concatenate([np.zeros(0, dtype=np.int64), *clamped]), 3)
+    direction = np.tile(np.eye(3), (len(node) // 3, 1))
     added = csr_array((mesh.n_dof, mesh.n_dof))
     for support in supports:
         if isinstance(support, Foundation):
             added = csr_array(added + foundation_stiffness(mesh, support))
     _refuse_rigid_motion(mesh, node, direction, added)
     return Restraint(free_motions(mesh.n_nodes, node, direction), added)
-
-
-def _held_directions(mesh: SolidMesh, supports: Sequence[Support]) -> tuple[IntArray, FloatArray]:
-    """Return nodes (k,) and the unit vectors (k, 3) along which each is held."""
-    clamped = [surface_nodes(mesh, one.surface) for one in supports if isinstance(one, Clamped)]
-    node = np.concatenate([np.zeros(0, dtype=np.int64), *clamped])
-    return np.repeat(node, 3), np.tile(np.eye(3), (len(node), 1))
 
 
 def free_motions(n_nodes: int, node: IntArray, direction: FloatArray) -> csr_array:

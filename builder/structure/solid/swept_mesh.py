@@ -132,11 +132,6 @@ def sweep(
     meridian_element : (m, 9) nodes, local node = 3 * (node along, aft) + (node through, outwards).
     meridian_edge : per name of a surface its edges (f, 3).
     n_sectors : elements round the axis.
-
-    Raises
-    ------
-    InputError
-        A node lies on the axis, or there are fewer than 6 sectors.
     """
     if n_sectors < MIN_SECTORS:
         raise InputError(f"n_sectors {n_sectors} must be at least {MIN_SECTORS}")
@@ -193,11 +188,6 @@ def swept_wall(body: BodyOfRevolution, wall: Wall, resolution: SweptResolution |
     SweptSector
         Surfaces external, internal (the wall's, behind the tip), support (the base ring) and tip_bore (the bore
         and the front of the cavity).
-
-    Raises
-    ------
-    InputError
-        The name of the resolution is unknown, a size is not positive, or the wall does not fit the body.
     """
     size = _named_resolution(resolution)
     meridian = shell_mesh(body, wall, size.element_length, size.n_layers)
@@ -307,11 +297,6 @@ def section_wall(body: SectionedBody, wall: Wall, resolution: SweptResolution) -
     -------
     SolidMesh
         Surfaces external, internal (the wall's, behind the tip), support (the base ring) and tip_bore.
-
-    Raises
-    ------
-    InputError
-        The tip leaves no hollow part, or the wall fills the body behind the tip.
     """
     tip = wall.solid_tip_length
     if not tip < body.length:

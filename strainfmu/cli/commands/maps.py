@@ -93,7 +93,7 @@ def bench(
         print(study_table(builder.bench_meshes(mesh, snapshots, output, solver=only, reporter=reporter)))
         return print(f"{output}: written")
     if structure is not None:
-        from builder.structure.solid.growth import growth_table
+        from builder.reports.growth import growth_table
 
         rows_of_sizes = []
         for row in builder.bench_structure(structure, solver=solver, largest=largest):

@@ -20,7 +20,7 @@ class _StageLog(ConsoleReporter):
 
     @contextmanager
     def stage(self, title: str) -> Iterator[Callable[[int, int], None]]:
-        from builder.structure.solid.sparse_problem import peak_memory
+        from builder.processors import peak_memory
 
         with super().stage(title) as progress:
             yield progress

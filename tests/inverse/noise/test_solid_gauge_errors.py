@@ -18,7 +18,7 @@ from builder.structure.fourier.fourier_model import StructuralModel
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import harmonic_response
 from builder.structure.mapped_structure import MappedStructure, mapped_structure
-from builder.structure.solid.case import solid_case
+from builder.structure.solid.case import structure_case
 from builder.structure.solid.gauge_layouts import displaced_gauges
 from builder.structure.solid.gauge_rows import gauges_at
 from builder.structure.solid.mesh_choice import MeshChoice
@@ -44,7 +44,7 @@ def uncertain(vehicle: Vehicle) -> Vehicle:
 
 @pytest.fixture(scope="module")
 def solid(uncertain: Vehicle, snapshots: Snapshots) -> MappedStructure:
-    case = solid_case(uncertain, [LAYOUT], MeshChoice(resolution="coarse"))
+    case = structure_case(uncertain, [LAYOUT], MeshChoice(resolution="coarse"))
     return mapped_structure(solve_solid_structure(case, Silent()), snapshots)
 
 
@@ -144,7 +144,7 @@ def test_a_structure_without_moved_gauges_says_so(
 
 
 def test_without_such_errors_nothing_is_moved(vehicle: Vehicle) -> None:
-    assert list(solid_case(vehicle, [LAYOUT]).layouts) == [LAYOUT]
+    assert list(structure_case(vehicle, [LAYOUT]).layouts) == [LAYOUT]
     other = vehicle.model_copy(update={"noise": ERRORS})
     # The layout in use alone has errors; the one that noise is measured on has none.
-    assert list(solid_case(other, [LAYOUT]).layouts) == [LAYOUT]
+    assert list(structure_case(other, [LAYOUT]).layouts) == [LAYOUT]

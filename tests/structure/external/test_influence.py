@@ -29,7 +29,7 @@ from builder.structure.external.external_structure import (
 from builder.structure.external.influence_file import Influence, read_influence, write_influence
 from builder.structure.fourier.fourier_model import StructuralModel
 from builder.structure.mapped_structure import mapped_structure
-from builder.structure.solid.case import SolidCase, solid_case
+from builder.structure.solid.case import SolidCase, structure_case
 from builder.structure.solid.mesh_choice import MeshChoice
 from builder.structure.solid.solid_model import solve_solid_structure
 from builder.structure.structure_file import Structure, load_structure, save_structure
@@ -58,7 +58,7 @@ def plain(vehicle: Vehicle) -> Vehicle:
 
 @pytest.fixture(scope="module")
 def case(plain: Vehicle) -> SolidCase:
-    return solid_case(plain, [LAYOUT], MeshChoice(resolution="coarse"))
+    return structure_case(plain, [LAYOUT], MeshChoice(resolution="coarse"))
 
 
 @pytest.fixture(scope="module")

@@ -22,7 +22,7 @@ from builder.structure.external.strain_per_snapshot import smallest_operator, st
 from builder.structure.external.strain_table import read_strain_table
 from builder.structure.fourier.fourier_model import StructuralModel
 from builder.structure.mapped_structure import MappedStructure, mapped_structure
-from builder.structure.solid.case import solid_case
+from builder.structure.solid.case import structure_case
 from builder.structure.solid.gauge_rows import Gauges
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map_needs import used_layouts
@@ -51,7 +51,7 @@ def newtonian(listed: Vehicle, structure: StructuralModel) -> Snapshots:
 
 @pytest.fixture(scope="module")
 def layouts(listed: Vehicle) -> dict[str, Gauges]:
-    return dict(solid_case(listed, used_layouts(listed)).layouts)
+    return dict(structure_case(listed, used_layouts(listed)).layouts)
 
 
 @pytest.fixture(scope="module")

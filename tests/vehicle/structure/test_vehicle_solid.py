@@ -9,8 +9,8 @@ import pytest
 from changed_vehicle import load_changed
 
 from builder.structure.gauge_checks import check_gauges
-from builder.structure.solid.case import solid_case, support_of
-from builder.structure.solid.supports import Clamped, Foundation
+from builder.structure.solid.case import structure_case
+from builder.structure.solid.supports import Clamped, Foundation, support_of
 from builder.vehicle.file import Vehicle
 from strainfmu.errors import InputError
 
@@ -29,7 +29,7 @@ def test_old_files_stay_valid(tmp_path: Path) -> None:
     )
     assert vehicle.structure.model == "fourier"
     assert support_of(vehicle) == Clamped("support")
-    case = solid_case(vehicle, ["configuration_1"])
+    case = structure_case(vehicle, ["configuration_1"])
     assert case.record["mesh"]["resolution"] == "medium"
     assert set(case.layouts["configuration_1"].surface) == {"internal"}
     assert not case.layouts["configuration_1"].length.any()
@@ -44,7 +44,7 @@ def test_supports_of_the_solid_model(tmp_path: Path) -> None:
         ('support = "clamped_aft"', 'support = "free_flight"'),
     )
     assert support_of(free) is None
-    assert solid_case(free, []).matter.density == 4430.0
+    assert structure_case(free, []).matter.density == 4430.0
 
 
 def test_gauges_outside_and_of_a_length(tmp_path: Path) -> None:
@@ -52,7 +52,7 @@ def test_gauges_outside_and_of_a_length(tmp_path: Path) -> None:
     row = "{ roll_angle_deg = 180.0,"
     vehicle = solid(tmp_path, (row, f'{row} surface = "outer", length_mm = 3.0,'))
     assert check_gauges(vehicle)["configuration_1"] == 27
-    gauges = solid_case(vehicle, ["configuration_1"]).layouts["configuration_1"]
+    gauges = structure_case(vehicle, ["configuration_1"]).layouts["configuration_1"]
     i = gauges.name.index("axial_180deg_1_outer")
     assert gauges.position[i] == pytest.approx([0.35, 0.0, -0.35 * tan(radians(5.0))], abs=1e-12)
     assert gauges.direction[i] == pytest.approx([cos(radians(5.0)), 0.0, -sin(radians(5.0))], abs=1e-12)
@@ -70,7 +70,7 @@ def test_table_outside(tmp_path: Path) -> None:
     entry = '[gauges.layouts.table]\nfile = "gauges.csv"\nsurface = "outer"\nlength_mm = 3.0\n'
     vehicle = solid(tmp_path, ("# Snapshots: all", f"{entry}\n# Snapshots: all"))
     assert check_gauges(vehicle)["table"] == 1
-    gauges = solid_case(vehicle, ["table"]).layouts["table"]
+    gauges = structure_case(vehicle, ["table"]).layouts["table"]
     assert (gauges.name, gauges.surface, gauges.length.tolist()) == (("one",), ("external",), [3e-3])
 
 

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from builder.pipeline.structure_run import report_text
 from builder.structure.solid.checks import ring_mesh
 from builder.structure.solid.mesh_checks import (
     element_volumes,
@@ -12,7 +13,6 @@ from builder.structure.solid.mesh_checks import (
     facet_size,
     facet_size_round_axis,
     mesh_report,
-    report_text,
     surface_area,
 )
 from builder.structure.solid.mesh_files import write_mesh

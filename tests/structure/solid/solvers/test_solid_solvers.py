@@ -16,11 +16,13 @@ from solid_bodies import METAL, cube, swept_tube
 
 from builder.structure.solid.linear_solvers import (
     BACK_ENDS,
+    PETSC,
+    PYTHON_VARIABLE,
+    RANKS_VARIABLE,
     SparseSolver,
     choose_solver,
     named_back_end,
 )
-from builder.structure.solid.petsc import PETSC, PYTHON_VARIABLE, RANKS_VARIABLE
 from builder.structure.solid.solid_mesh import SUPPORT
 from builder.structure.solid.sparse_problem import (
     RESIDUAL_BOUND,

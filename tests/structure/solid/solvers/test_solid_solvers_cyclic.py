@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array, eye_array
 from solid_bodies import GUIDED, METAL, tube
 
+from builder.reports.growth import growth_rows, growth_table, sector_of_size
 from builder.structure.gauge_placement import gauge_mesh
 from builder.structure.solid.cyclic import (
     CyclicProblem,
@@ -24,7 +25,6 @@ from builder.structure.solid.cyclic_gauges import cyclic_gauge_rows
 from builder.structure.solid.elements import element_faces
 from builder.structure.solid.gauge_layouts import solid_gauges
 from builder.structure.solid.gauge_rows import Gauges, gauge_rows, gauges_at
-from builder.structure.solid.growth import growth_rows, growth_table, sector_of_size
 from builder.structure.solid.linear_solvers import choose_solver
 from builder.structure.solid.nodal_loads import pressure_load
 from builder.structure.solid.solid_mesh import EXTERNAL, INTERNAL, SUPPORT, SolidMesh

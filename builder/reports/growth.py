@@ -16,13 +16,13 @@ from pathlib import Path
 
 import numpy as np
 
+from builder.processors import peak_memory
 from builder.structure.gauge_placement import gauge_mesh
 from builder.structure.solid.cyclic_gauges import cyclic_gauge_rows
 from builder.structure.solid.gauge_layouts import solid_gauges
 from builder.structure.solid.linear_solvers import CYCLIC, named_back_end
 from builder.structure.solid.matter import Matter
 from builder.structure.solid.solid_mesh import SUPPORT
-from builder.structure.solid.sparse_problem import peak_memory
 from builder.structure.solid.strain_solution import solve_strain
 from builder.structure.solid.supports import Clamped
 from builder.structure.solid.swept_mesh import (
@@ -75,11 +75,6 @@ def sector_of_size(vehicle: Vehicle, n_dof: int) -> SweptSector:
     """Return the swept mesh of a vehicle's wall with at least ``n_dof`` displacement components.
 
     Element lengths along and round the wall are scaled alike from the resolution ``paper``, in one layer.
-
-    Raises
-    ------
-    InputError
-        The size is not positive, or the wall does not fit the body.
     """
     if n_dof < 1:
         raise InputError(f"size {n_dof} must be at least 1")
@@ -95,13 +90,7 @@ def sector_of_size(vehicle: Vehicle, n_dof: int) -> SweptSector:
 
 
 def measure(path: Path, n_dof: int, solver_name: str) -> GrowthRow:
-    """Go from a vehicle file to Z_p of its gauge layout in this process, and return what it took.
-
-    Raises
-    ------
-    InputError, StrainfmuError
-        As in the steps on the way.
-    """
+    """Go from a vehicle file to Z_p of its gauge layout in this process, and return what it took."""
     start = time.perf_counter()
     vehicle = load_vehicle(path)
     sector = sector_of_size(vehicle, n_dof)
@@ -148,11 +137,6 @@ def growth_rows(path: Path, solver_names: Sequence[str], sizes: Sequence[int] = 
     """Yield the rows of the table, each measured in a process of its own.
 
     Solvers of the full mesh are left out above :data:`DIRECT_LIMIT`.
-
-    Raises
-    ------
-    StrainfmuError
-        A process fails; the message ends with its last line.
     """
     for size in sizes:
         for name in solver_names:
