@@ -24,6 +24,7 @@ import numpy as np
 from builder.reporting import Progress
 from builder.structure.as_built.as_built_vehicle import (
     AsBuilt,
+    BuiltStructure,
     Counts,
     Key,
     as_built_std,
@@ -96,7 +97,7 @@ WITHIN_THE_WALL = (Weight, Acceleration, TemperatureField)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class AsBuiltStructure:
+class AsBuiltStructure(BuiltStructure):
     """The structure of a vehicle with what may differ from its drawing.
 
     Attributes
@@ -137,14 +138,6 @@ class AsBuiltStructure:
         return self.on_wall.placed
 
     @property
-    def n_gauges(self) -> int:
-        return len(self.on_wall.radius)
-
-    @property
-    def n_regions(self) -> int:
-        return len(self.regions)
-
-    @property
     def counts(self) -> Counts:
         """Numbers of what has parameters of its own."""
         return self.solved.counts
@@ -178,10 +171,6 @@ class AsBuiltStructure:
             return "what a vehicle in free flight carries in the test is not known"
         return "" if self.loaded.properties.density is not None else "material.density_kg_per_m3 is missing"
 
-    def exactly_built(self) -> AsBuilt:
-        """Return the parameters of the vehicle of the file: zeros."""
-        return exactly_built(self.counts)
-
     def prior(self, entry: Calibration) -> AsBuilt:
         """Return the standard deviation of every parameter before a test, by the section [calibration]."""
         return as_built_std(entry, self.counts)
@@ -212,23 +201,6 @@ class AsBuiltStructure:
             per_dynamic=np.zeros(n_d),
             record={kind.name: getattr(built, kind.name).tolist() for kind in AS_BUILT},
         )
-
-    def load_strain(self, parameters: AsBuilt, loads: Sequence[Load]) -> FloatArray:
-        """Return what every gauge reads under loads that act together, without zeros, (n_d,) [m/m].
-
-        Raises
-        ------
-        InputError
-            As :func:`builder.structure.loads.gauge_strain.gauge_strain`.
-        """
-        found = np.zeros(self.n_gauges)
-        for load in loads:
-            found += self.response_strain(parameters, self.response(load))
-        return found
-
-    def reading(self, parameters: AsBuilt, loads: Sequence[Load]) -> FloatArray:
-        """Return what every gauge reads, zeros included, (n_d,) [m/m]; errors as :meth:`load_strain`."""
-        return self.load_strain(parameters, loads) + parameters.zero
 
     def response(self, load: Load) -> LoadResponse:
         """Return what ``load`` strains, kept for the next time; errors as :meth:`load_strain`."""
@@ -282,10 +254,6 @@ class AsBuiltStructure:
         amplitude = np.stack([self.states.nominal.strain(split(nodal_force(wall, one))) for one in loads], axis=1)
         constant = np.zeros((len(loads), self.n_gauges))
         return LoadResponse(table=nominal_table(amplitude, self.n_regions), constant=constant)
-
-    def nominal_strain(self, parameters: AsBuilt, loads: Sequence[Load]) -> FloatArray:
-        """Return the readings (n_loads, n_d) [m/m] under each of ``loads`` by :meth:`nominal_response`."""
-        return self.response_strain(parameters, self.nominal_response(loads))
 
     def _apparent(self, load: ApparentStrain) -> LoadResponse:
         if np.shape(load.strain) != (self.n_gauges,):
@@ -386,13 +354,7 @@ class AsBuiltStructure:
 
 
 def refuse_unheld(vehicle: Vehicle, layout: str) -> None:
-    """Refuse a vehicle of which no independent one can be built, tested and flown.
-
-    Raises
-    ------
-    InputError
-        Names the entries.
-    """
+    """Refuse a vehicle of which no independent one can be built, tested and flown."""
     refuse_beyond_fourier(vehicle, [layout])
     if vehicle.structure.support == "free_flight":
         raise InputError("structure.support: expected a body that is held, got 'free_flight'")
@@ -432,19 +394,55 @@ def as_built_structure(
     InputError
         The Fourier model cannot do what the file requests, or a gauge is not on the inner surface.
     """
+    mapped = resolution or vehicle.resolution.map
 
-    def solve(one: Vehicle) -> AsBuiltStructure:
-        return _solved(
-            one,
-            layout,
-            resolution=resolution or vehicle.resolution.map,
+    def solve(supported: Vehicle) -> AsBuiltStructure:
+        if layout not in supported.gauges.layouts:
+            raise InputError(f"layout '{layout}' found, must be one of {', '.join(supported.gauges.layouts)}")
+        refuse_beyond_fourier(supported, [layout])
+        wall, regions = wall_of(supported), wall_regions(supported)
+        drawing = shell_mesh(supported.body(), wall, 1e-3 * mapped.element_length_mm, mapped.wall_layers)
+        layouts, all_placed = place_layouts(supported, drawing, [layout])
+        placed, mesh = all_placed[layout], drawing
+        built = exactly_built(counts_of_wall(supported, placed.roll_angle))
+        if known_thickness is not None:
+            taper = np.zeros(len(regions)) if known_taper is None else np.asarray(known_taper, dtype=float)
+            built = built.changed(wall_thickness=known_thickness, wall_taper=taper)
+            mesh = thickened(drawing, wall, regions, built.wall_thickness, taper)
+        at_gauge = inner_surface_points(drawing, placed.x)
+        grid = surface or surface_grid(supported.body(), mapped.surface_stations, mapped.surface_roll_angles)
+        states = wall_states(
+            mesh=mesh,
+            wall=wall,
+            regions=regions,
+            gauges=placed,
+            along=SHIFT * at_gauge.tangent[:, 0],
             properties=properties or load_properties(vehicle),
-            known_thickness=known_thickness,
-            known_taper=known_taper,
-            max_harmonic=max_harmonic,
-            harmonic_within=harmonic_within,
-            grid=surface,
+            max_harmonic=max(max_harmonic, mapped.harmonics),
+            changed_harmonic=changed_harmonic_of(max_harmonic, mapped.harmonics),
+            changed_within=harmonic_within,
+            with_regions=known_thickness is None,
+            joints=supported.calibration.joint_stations_m,
+            with_moduli=any(
+                section.region_modulus_percent > 0.0 for section in (supported.calibration, supported.noise)
+            ),
             progress=progress,
+        )
+        changes = np.array(list(change_stations(supported.body(), wall)))
+        near = np.abs(placed.x[:, None] - changes).min(axis=1) <= 1e-3 * mapped.element_length_mm + TOUCHES
+        return AsBuiltStructure(
+            surface=grid,
+            regions=regions,
+            gauges=layouts[layout],
+            on_wall=WallGauges(
+                placed=placed, radius=at_gauge.radius, row=rows_of(placed.roll_angle), station=states.station
+            ),
+            solved=built,
+            states=states,
+            pressure=_pressure_table(states, grid, mapped.harmonics + 1, near),
+            at_break=near,
+            joint_stations=supported.calibration.joint_stations_m,
+            _mesh_error=partial(_mesh_error, supported, grid, mapped, layout),
         )
 
     if vehicle.structure.support != "free_flight":
@@ -452,67 +450,6 @@ def as_built_structure(
     held = vehicle.structure.model_copy(update={"support": "clamped_aft", "covers": [], "point_masses": []})
     on_ground, in_flight = solve(vehicle.model_copy(update={"structure": held})), solve(vehicle)
     return replace(on_ground, in_flight=in_flight, _mesh_error=in_flight._mesh_error)
-
-
-def _solved(
-    vehicle: Vehicle,
-    layout: str,
-    *,
-    resolution: Resolution,
-    properties: LoadProperties,
-    known_thickness: FloatArray | None,
-    known_taper: FloatArray | None,
-    max_harmonic: int,
-    harmonic_within: int,
-    grid: SurfaceGrid | None,
-    progress: Progress | None,
-) -> AsBuiltStructure:
-    """Return :func:`as_built_structure` with the support of the vehicle file."""
-    if layout not in vehicle.gauges.layouts:
-        raise InputError(f"layout '{layout}' found, must be one of {', '.join(vehicle.gauges.layouts)}")
-    refuse_beyond_fourier(vehicle, [layout])
-    wall, regions = wall_of(vehicle), wall_regions(vehicle)
-    drawing = shell_mesh(vehicle.body(), wall, 1e-3 * resolution.element_length_mm, resolution.wall_layers)
-    layouts, all_placed = place_layouts(vehicle, drawing, [layout])
-    placed, mesh = all_placed[layout], drawing
-    built = exactly_built(counts_of_wall(vehicle, placed.roll_angle))
-    if known_thickness is not None:
-        taper = np.zeros(len(regions)) if known_taper is None else np.asarray(known_taper, dtype=float)
-        built = built.changed(wall_thickness=known_thickness, wall_taper=taper)
-        mesh = thickened(drawing, wall, regions, built.wall_thickness, taper)
-    at_gauge = inner_surface_points(drawing, placed.x)
-    grid = grid or surface_grid(vehicle.body(), resolution.surface_stations, resolution.surface_roll_angles)
-    states = wall_states(
-        mesh=mesh,
-        wall=wall,
-        regions=regions,
-        gauges=placed,
-        along=SHIFT * at_gauge.tangent[:, 0],
-        properties=properties,
-        max_harmonic=max(max_harmonic, resolution.harmonics),
-        changed_harmonic=changed_harmonic_of(max_harmonic, resolution.harmonics),
-        changed_within=harmonic_within,
-        with_regions=known_thickness is None,
-        joints=vehicle.calibration.joint_stations_m,
-        with_moduli=max(vehicle.calibration.region_modulus_percent, vehicle.noise.region_modulus_percent) > 0.0,
-        progress=progress,
-    )
-    changes = np.array(list(change_stations(vehicle.body(), wall)))
-    near = np.abs(placed.x[:, None] - changes).min(axis=1) <= 1e-3 * resolution.element_length_mm + TOUCHES
-    return AsBuiltStructure(
-        surface=grid,
-        regions=regions,
-        gauges=layouts[layout],
-        on_wall=WallGauges(
-            placed=placed, radius=at_gauge.radius, row=rows_of(placed.roll_angle), station=states.station
-        ),
-        solved=built,
-        states=states,
-        pressure=_pressure_table(states, grid, resolution.harmonics + 1, near),
-        at_break=near,
-        joint_stations=vehicle.calibration.joint_stations_m,
-        _mesh_error=partial(_mesh_error, vehicle, grid, resolution, layout),
-    )
 
 
 def with_surface_of(structure: AsBuiltStructure, other: AsBuiltStructure) -> AsBuiltStructure:

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from builder.structure.as_built_kinds import AS_BUILT, IN_FLIGHT, IN_NOISE, KINDS, ParameterKind
+from builder.structure.loads.applied import Load
 from builder.vehicle.map.options import Calibration, Noise
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
@@ -104,13 +105,7 @@ class AsBuilt:
         return AsBuilt(self.counts._replace(gauge=len(range(self.counts.gauge)[gauges])), parts)
 
     def of_all(self, kind: str) -> FloatArray:
-        """Return (.., 1) what all regions have in common, or (n_d,) what each gauge sees.
-
-        Raises
-        ------
-        InputError
-            The regions differ.
-        """
+        """Return (.., 1) what all regions have in common, or (n_d,) what each gauge sees."""
         value = self.errors[kind]
         if value.shape[-1] in (1, self.counts.gauge):
             return value
@@ -297,3 +292,46 @@ def _difference(
         change[np.arange(len(value)) != region] = 0.0
     plus, minus = (evaluate(parameters.changed(**{kind: value + sign * change})) for sign in (1.0, -1.0))
     return np.asarray((plus - minus) / (2.0 * step))
+
+
+class BuiltStructure:
+    """What a structure of any make has, of which parts may differ from the drawing.
+
+    ``response`` is what a load strains, ``response_strain`` the readings of a vehicle as built under it.
+    """
+
+    response: Callable[..., Any]
+    nominal_response: Callable[..., Any]
+    response_strain: Callable[..., FloatArray]
+
+    @property
+    def counts(self) -> Counts:
+        """Numbers of what has parameters of its own."""
+        raise NotImplementedError
+
+    @property
+    def n_gauges(self) -> int:
+        return self.counts.gauge
+
+    @property
+    def n_regions(self) -> int:
+        return self.counts.region
+
+    def exactly_built(self) -> AsBuilt:
+        """Return the parameters of the vehicle of the file: zeros."""
+        return exactly_built(self.counts)
+
+    def load_strain(self, parameters: AsBuilt, loads: Sequence[Load]) -> FloatArray:
+        """Return what every gauge reads under loads that act together, without zeros, (n_d,) [m/m]."""
+        total = np.zeros(self.n_gauges)
+        for load in loads:
+            total += self.response_strain(parameters, self.response(load))
+        return total
+
+    def reading(self, parameters: AsBuilt, loads: Sequence[Load]) -> FloatArray:
+        """Return what every gauge reads, zeros included, (n_d,) [m/m]."""
+        return self.load_strain(parameters, loads) + parameters.zero
+
+    def nominal_strain(self, parameters: AsBuilt, loads: Sequence[Load]) -> FloatArray:
+        """Return the readings (n_loads, n_d) [m/m] under each of ``loads`` on the wall that was solved for."""
+        return self.response_strain(parameters, self.nominal_response(loads))

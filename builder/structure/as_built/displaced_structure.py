@@ -24,11 +24,11 @@ from builder.aero.surface.mesh import SurfaceMesh
 from builder.structure.as_built.as_built_structure import AsBuiltStructure
 from builder.structure.as_built.as_built_vehicle import (
     AsBuilt,
+    BuiltStructure,
     Counts,
     Key,
     as_built_std,
     derivative_keys,
-    exactly_built,
     parameter_derivatives,
 )
 from builder.structure.as_built.gauge_strain_terms import gain_of, rows_of, turn_of
@@ -124,13 +124,7 @@ class DisplacedGauges:
 
 
 def refuse_others(noise: Noise) -> None:
-    """Refuse errors that displaced gauges do not show.
-
-    Raises
-    ------
-    InputError
-        Names the entry of [noise].
-    """
+    """Refuse errors that displaced gauges do not show."""
     for kind in IN_NOISE:
         if kind in AS_BUILT and kind.name not in KNOWN and kind.std(noise) > 0.0:
             raise InputError(f"noise.{kind.entry}: expected 0 but for a body of revolution that is clamped aft")
@@ -149,7 +143,7 @@ class DisplacedResponse(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class DisplacedStructure:
+class DisplacedStructure(BuiltStructure):
     """What may differ from the drawing, on a structure of any make.
 
     Attributes
@@ -184,17 +178,9 @@ class DisplacedStructure:
         return self.mapped.error_operator(self.layout)
 
     @property
-    def n_gauges(self) -> int:
-        return len(self.gauges.names)
-
-    @property
     def counts(self) -> Counts:
         """Numbers of what has parameters of its own."""
-        return Counts(gauge=self.n_gauges, row=int(self._displaced.row.max()) + 1)
-
-    @property
-    def n_regions(self) -> int:
-        return self.counts.region
+        return Counts(gauge=len(self.gauges.names), row=int(self._displaced.row.max()) + 1)
 
     @property
     def at_break(self) -> BoolArray:
@@ -217,10 +203,6 @@ class DisplacedStructure:
         """The vehicle of the file."""
         return self.exactly_built()
 
-    def exactly_built(self) -> AsBuilt:
-        """Return the parameters of the vehicle of the file: zeros."""
-        return exactly_built(self.counts)
-
     def prior(self, entry: Calibration) -> AsBuilt:
         """Return the standard deviations before a test; the wall's thickness is part of each gauge's gain."""
         found, varied = as_built_std(entry, self.counts), {kind for kind, _ in self.solved_keys}
@@ -239,24 +221,8 @@ class DisplacedStructure:
         slopes = parameter_derivatives(self.strain_operator, parameters, keys)
         return {key: slope[gauges] for key, slope in slopes.items()}
 
-    def load_strain(self, parameters: AsBuilt, loads: Sequence[Load]) -> FloatArray:
-        """Return what every gauge reads under loads that act together, without zeros, (n_d,) [m/m]."""
-        if not loads:
-            return np.zeros(self.n_gauges)
-        return np.asarray(self.response_strain(parameters, self.responses(loads)).sum(axis=0))
-
-    def reading(self, parameters: AsBuilt, loads: Sequence[Load]) -> FloatArray:
-        """Return what every gauge reads, zeros included, (n_d,) [m/m]."""
-        return self.load_strain(parameters, loads) + parameters.zero
-
     def response(self, load: Load) -> DisplacedResponse:
-        """Return what ``load`` strains, kept for the next time.
-
-        Raises
-        ------
-        InputError
-            The load does not act on the outer surface, or beyond it.
-        """
+        """Return what ``load`` strains, kept for the next time."""
         none = np.zeros(self.n_gauges)
         if isinstance(load, ApparentStrain):
             return DisplacedResponse(ways_of(none, None), none + load.strain)
@@ -274,10 +240,6 @@ class DisplacedStructure:
         )
 
     nominal_response = responses
-
-    def nominal_strain(self, parameters: AsBuilt, loads: Sequence[Load]) -> FloatArray:
-        """Return the readings (n_loads, n_d) [m/m] under each of ``loads``."""
-        return self.response_strain(parameters, self.responses(loads))
 
     def response_strain(self, parameters: AsBuilt, response: DisplacedResponse) -> FloatArray:
         """Return the readings (n_d,) [m/m] under the load of ``response``, (n_loads, n_d) under several."""
@@ -321,13 +283,7 @@ AnyAsBuilt = AsBuiltStructure | DisplacedStructure
 
 
 def refuse_untestable(vehicle: Vehicle) -> None:
-    """Refuse a vehicle whose readings in a ground test no model predicts.
-
-    Raises
-    ------
-    InputError
-        Names the entry of the vehicle file.
-    """
+    """Refuse a vehicle whose readings in a ground test no model predicts."""
     entry = vehicle.structure
     if entry.model != "solid":
         refuse_beyond_fourier(vehicle, [vehicle.gauges.layout])

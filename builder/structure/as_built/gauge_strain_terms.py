@@ -101,10 +101,7 @@ class WallGauges:
 
         It reads strain along itself and, times its transverse sensitivity, across.
         """
-        turn = turn_of(built, self.row)
-        turn_c, turn_s = np.cos(turn), np.sin(turn)
-        c = turn_c * self.placed.meridional - turn_s * self.placed.circumferential
-        s = turn_s * self.placed.meridional + turn_c * self.placed.circumferential
+        c, s = self._direction(built)
         across = built.transverse_sensitivity
         normal = np.stack([c * c + across * s * s, s * s + across * c * c], axis=-1)
         return normal, 2.0 * c * s * (1.0 - across)
@@ -112,15 +109,19 @@ class WallGauges:
     def direction_slopes(self, built: AsBuilt) -> dict[str, tuple[FloatArray, FloatArray]]:
         """Return the derivatives of :meth:`direction_weights` of one vehicle, by the turn of the gauge and by its
         transverse sensitivity."""
-        turn = turn_of(built, self.row)
-        turn_c, turn_s = np.cos(turn), np.sin(turn)
-        c = turn_c * self.placed.meridional - turn_s * self.placed.circumferential
-        s = turn_s * self.placed.meridional + turn_c * self.placed.circumferential
+        c, s = self._direction(built)
         less = 1.0 - built.transverse_sensitivity
         both = 2.0 * c * s * less
         by_turn = np.stack([-both, both], axis=-1), 2.0 * (c * c - s * s) * less
         by_across = np.stack([s * s, c * c], axis=-1), -2.0 * c * s
         return {"orientation": by_turn, "row_orientation": by_turn, "transverse_sensitivity": by_across}
+
+    def _direction(self, built: AsBuilt) -> tuple[FloatArray, FloatArray]:
+        """Return (.., n_d) the gauges' directions along the meridian and round the body."""
+        turn = turn_of(built, self.row)
+        cosine, sine = np.cos(turn), np.sin(turn)
+        meridional, circumferential = self.placed.meridional, self.placed.circumferential
+        return cosine * meridional - sine * circumferential, sine * meridional + cosine * circumferential
 
     def parts(self, table: ResponseTable, built: AsBuilt, thickness: FloatArray) -> BuiltGauges:
         """Return the response of the gauges under the pressures of ``table``; ``thickness`` as there."""

@@ -84,11 +84,6 @@ class RevolvedStructure:
         """Return the gauges of a vehicle as ``built``, or of many at once.
 
         ``table`` holds amplitudes under other pressures; None takes those per pressure at the stations.
-
-        Raises
-        ------
-        InputError
-            The structure was not solved for an error of ``built``.
         """
         for kind in (*SOLVED, *BY_REGION):
             if kind not in self.solved and getattr(built, kind).any():

@@ -64,13 +64,7 @@ class WallRegions:
 
 
 def wall_regions(vehicle: Vehicle) -> WallRegions:
-    """Return the regions of the section [calibration].
-
-    Raises
-    ------
-    InputError
-        An end is ahead of the hollow part or behind the base.
-    """
+    """Return the regions of the section [calibration]."""
     first, last = wall_of(vehicle).solid_tip_length, vehicle.body().length
     inner = vehicle.calibration.wall_region_ends_m
     if inner is None:

@@ -72,13 +72,7 @@ class ForceRows:
     n_nodes: int
 
     def split(self, force: FloatArray) -> SplitForces:
-        """Return nodal forces (2, n_m, n_nodes, 3) on the outer surface and within.
-
-        Raises
-        ------
-        InputError
-            Forces within the wall go round the body faster than harmonic LOW - 1.
-        """
+        """Return nodal forces (2, n_m, n_nodes, 3) on the outer surface and within."""
         loaded: BoolArray = np.asarray(np.moveaxis(force, 2, 0).reshape(self.n_nodes, -1).any(axis=1))
         at = np.flatnonzero(loaded[self.outer])
         span = slice(at[0], at[-1] + 1) if len(at) else slice(0)
@@ -129,13 +123,7 @@ class Adjoint:
     low: tuple[FloatArray, ...]
 
     def strain(self, forces: SplitForces) -> FloatArray:
-        """Return (.., 2, n_m, n_s, 3) amplitudes of strain under forces, in the harmonics of the adjoint.
-
-        Raises
-        ------
-        InputError
-            Forces within the wall go round the body faster than the adjoint has been kept for.
-        """
+        """Return (.., 2, n_m, n_s, 3) amplitudes of strain under forces, in the harmonics of the adjoint."""
         n_m = self.outer.shape[-4]
         found = _product(self.outer[..., forces.columns], forces.outer[:, :n_m])
         if forces.within is None:
@@ -314,11 +302,6 @@ def _soft_joint(mesh: MeridianMesh, wall: Wall, station: float, even: FourierSti
     """Return the wall with a joint at ``station`` [m], per length of wall that it yields like.
 
     It is in the elements through the wall that are nearest.
-
-    Raises
-    ------
-    InputError
-        The station is not on the hollow part of the wall.
     """
     x = mesh.node[mesh.element, 0]
     first, last = mesh.node[line_nodes(mesh.inner_edge)[[0, -1]], 0]
