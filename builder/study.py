@@ -273,12 +273,12 @@ def _tasks(
                 vehicle, Workspace(folder / f"flows_{len(shared) + 1:04d}", Cache(vehicle.beside("."))), reporter
             )
             make_snapshots(pipeline)
-            if vehicle.is_of_revolution:
+            if vehicle.is_axisymmetric:
                 make_independent_flows(pipeline)
             shared[key] = pipeline
         flows, plan = shared[key], study.trial.plan
         table, made_from = None, flows.made_from(SNAPSHOTS)[0]
-        if vehicle.is_of_revolution:
+        if vehicle.is_axisymmetric:
             table, made_from = flows.path(FLOWS), flows.made_from(FLOWS)[0]
         files = folder / design.name, flows.path(SNAPSHOTS), table, made_from
         inputs = {

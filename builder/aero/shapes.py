@@ -42,14 +42,13 @@ def outer_surface(vehicle: Vehicle, resolution: Resolution) -> tuple[SurfaceMesh
     InputError
         The shape, or the file that it names, is wrong.
     """
-    if vehicle.is_of_revolution:
+    if vehicle.has_meridian:
         grid = surface_grid(vehicle.body(), resolution.surface_stations, resolution.surface_roll_angles)
         return mesh_of_grid(grid), ()
-    if vehicle.shape_kind == "sections":
+    assert vehicle.shape is not None
+    if vehicle.shape.surface is None:
         body = vehicle.sectioned_body()
         return sections_mesh(body, resolution.surface_stations, resolution.surface_roll_angles), ()
-    assert vehicle.shape is not None
-    assert vehicle.shape.surface is not None
     return surface_of_file(vehicle.beside(vehicle.shape.surface), vehicle.shape.unit, vehicle.shape.length_m)
 
 

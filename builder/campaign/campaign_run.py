@@ -338,13 +338,13 @@ def vehicle_campaign(
         conditions=conditions,
         internal_pressure=np.array([vehicle.internal_pressure(condition) for condition in conditions]),
         reference=vehicle.reference_quantities(),
-        grid=own_surface(vehicle, vehicle.resolution.map) if vehicle.is_of_revolution else None,
+        grid=own_surface(vehicle, vehicle.resolution.map) if vehicle.has_meridian else None,
         settings={
             "strainfmu_version": __version__,
             "sets": [{"name": chosen_set.name, "conditions": len(chosen_set.conditions)} for chosen_set in chosen],
             "options": dict(options or {}),
             **({"parameters": list(vehicle.conditions.parameters)} if vehicle.conditions.parameters else {}),
-            **({"profile": profile_record(vehicle.body())} if vehicle.is_of_revolution else {}),
+            **({"profile": profile_record(vehicle.body())} if vehicle.has_meridian else {}),
         },
     )
 

@@ -33,7 +33,7 @@ SAME_LENGTH = 0.02  # of the length: surfaces of other programs may be cut at th
 
 def vehicle_misfits(snapshots: Snapshots, vehicle: Vehicle) -> list[Misfit]:
     """Return in what the body of ``snapshots`` differs from ``vehicle``; of free surfaces their extents."""
-    if vehicle.is_of_revolution:
+    if vehicle.has_meridian:
         return body_misfits(snapshots, vehicle.body())
     surface = outer_surface(vehicle, vehicle.resolution.map)[0]
     expected, extent = (np.ptp(points, axis=0) for points in (surface.point, snapshots.point))

@@ -38,7 +38,7 @@ def grid_errors(vehicle: Vehicle, snapshots: Snapshots) -> FloatArray | None:
     None where the grid of the snapshots is not known: other engines, and bodies that are not of revolution.
     """
     grid, marching = snapshots.grid, _coarser(snapshots.settings)
-    if grid is None or marching is None or not vehicle.is_of_revolution or snapshots.engine != "euler":
+    if grid is None or marching is None or not vehicle.is_axisymmetric or snapshots.engine != "euler":
         return None
     n_m = min(MAX_FIELD_HARMONIC, (grid.n_roll - 1) // 2) + 1
     engine = EulerEngine(vehicle.body(), marching, grid)

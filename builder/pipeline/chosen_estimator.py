@@ -30,7 +30,7 @@ def with_estimator(vehicle: Vehicle, estimator: Estimators | None) -> Vehicle:
             "map.form": (entry.form, PER_PRESSURE),
             "strains per snapshot": ("none" if vehicle.structure.strain_per_snapshot is None else "some", "none"),
         }
-        if vehicle.shape_kind == "profile":
+        if vehicle.is_axisymmetric:
             found["map.symmetry"] = (entry.symmetry, "full")
         for name, (got, needed) in found.items():
             if got != needed:

@@ -284,7 +284,7 @@ def _inverse_map(pipeline: Pipeline) -> None:
 
     flown = pipeline.flown or vehicle
     calibrates = alarm_levels_wanted(flown, pipeline.reporter)
-    if calibrates and flown.is_of_revolution:
+    if calibrates and flown.is_axisymmetric:
         make_independent_flows(pipeline)
     elif calibrates:
         holds = "flows of the independent model, which set the alarm levels"
@@ -302,7 +302,7 @@ def _inverse_map(pipeline: Pipeline) -> None:
             problem=map_problem(pipeline),
             compares=not calibrates,
         )
-        if calibrates and not flown.is_of_revolution:
+        if calibrates and not flown.is_axisymmetric:
             of_levels = load_snapshots(pipeline.path(FLOWS))
             made = with_shape_levels(flown, made, solid, of_levels, pipeline.reporter)
         elif calibrates:

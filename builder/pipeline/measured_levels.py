@@ -46,7 +46,7 @@ def alarm_levels_wanted(vehicle: Vehicle, reporter: Reporter) -> bool:
     """
     if vehicle.map.alarm_levels == "nominal":
         return False
-    if not vehicle.is_of_revolution:
+    if not vehicle.is_axisymmetric:
         return _wanted_of_shape(vehicle, reporter)
     why = ""
     if vehicle.sensors is not None:

@@ -263,13 +263,13 @@ def check_model(vehicle: Vehicle) -> None:
             f"structure.{entry.external}: place and review need strain at points without gauges, which the file "
             "of another code does not hold; state the wall or structure.mesh instead"
         )
-    if vehicle.is_of_revolution:
+    if vehicle.has_meridian:
         refuse_beyond_fourier(vehicle, [vehicle.gauges.layout])
 
 
 def structure_of(vehicle: Vehicle, snapshots: Snapshots, reporter: Reporter) -> AnyStructure:
     """Return strain per pressure of the layouts that the map needs, at the nodes of ``snapshots``."""
-    if vehicle.is_of_revolution:
+    if vehicle.has_meridian:
         return fourier_structure(vehicle, used_layouts(vehicle), reporter)
     return on_snapshots(cached_or_solved_structure(vehicle, reporter), snapshots, reporter)
 
@@ -283,7 +283,7 @@ def left_out(vehicle: Vehicle) -> list[str]:
         found.append("noise: every candidate has the median noise of the gauges in use")
     entries = dict.fromkeys(kind.entry for kind in IN_NOISE if kind.name not in ALWAYS_DRAWN)
     found += [f"noise.{entry}: not counted" for entry in entries if getattr(noise, entry) > 0.0]
-    if vehicle.temperature is not None and not vehicle.is_of_revolution:
+    if vehicle.temperature is not None and not vehicle.has_meridian:
         found.append("temperature: modes of the wall's temperature are not counted but on a body of revolution")
     if vehicle.mass is not None:
         found.append("mass: inertia and vibration are not counted")

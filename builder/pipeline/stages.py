@@ -177,7 +177,7 @@ def build_map(
     vehicle = flown
     if not flies:
         return found
-    if not vehicle.is_of_revolution:
+    if not vehicle.is_axisymmetric:
         of_levels = shape_flows(vehicle, level_conditions(vehicle), reporter, "Flow: alarm levels")
         return with_shape_levels(vehicle, found, solid, of_levels, reporter)
     flows = independent_flows(vehicle, reporter, scheduling=Scheduling(workers=0))

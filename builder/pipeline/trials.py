@@ -40,9 +40,7 @@ from builder.pipeline.used_files import FLOWS as LEVEL_FLOWS
 from builder.pipeline.used_files import MAP, SNAPSHOTS, STRUCTURE, open_pipeline
 from builder.reporting import Reporter, Silent
 from builder.structure.as_built.as_built_structure import refuse_unheld
-from builder.structure.fourier.fourier_model import place_layouts
-from builder.structure.gauge_placement import gauge_mesh
-from builder.structure.solid.case import structure_case
+from builder.structure.gauge_checks import gauges_in_use
 from builder.structure.structure_file import load_structure
 from builder.trial.cases import Case, Plan, TrialFile, cases_for, load_trial, trial_path
 from builder.trial.compared import (
@@ -188,7 +186,7 @@ def run_trial(
             pipeline, listed = open_pipeline(entry, folder, reporter, given)
             refuse_vehicle(pipeline.flown or pipeline.vehicle, trial)
             check_before_long_work(pipeline.vehicle, listed)
-            if flows_path is not None and entry.is_of_revolution:
+            if flows_path is not None and entry.is_axisymmetric:
                 pipeline.use(LEVEL_FLOWS, flows_path, _content_of(flows_path, flow_table_file))
         make = _comparison if trial.trial.training else _ground_tests if trial.ground else _flights_of_map
         flown, trial, make_world, inputs, score = make(pipeline, trial, only, flows_path)
@@ -346,7 +344,7 @@ def _comparison(pipeline: Pipeline, trial: TrialFile, only: Sequence[str], flows
     make_map_parts(pipeline)
     vehicle = knowing(pipeline.flown or pipeline.vehicle, is_exact=False, case=1)
     snapshots = load_snapshots(pipeline.path(SNAPSHOTS))
-    if not vehicle.is_of_revolution:
+    if not vehicle.is_axisymmetric:
         snapshot_grid(with_mirror_images(snapshots, snapshots.surface))  # refused here, before the long work
     elif snapshots.station is None:
         raise InputError("compare: expected a body of revolution with rings of nodes, got a free surface")
@@ -391,7 +389,7 @@ def _written(
 def refuse_vehicle(vehicle: Vehicle, trial: TrialFile) -> None:
     """Refuse a vehicle that the trial cannot be flown with, before anything is solved."""
     moves = any(case.motion is not None for case in trial.cases)
-    if moves and not vehicle.is_of_revolution:
+    if moves and not vehicle.is_axisymmetric:
         raise InputError("motion: expected a body of revolution, got a shape that needs a flow for every sample")
     refuse_without_independent_model(vehicle)
 
@@ -427,7 +425,7 @@ def _compared_world(
 
 def _true_world(vehicle: Vehicle, flows: Path, structure: Path | None) -> dict[str, Any]:
     """Return the independent model of a vehicle: the arguments of a world by name."""
-    if vehicle.is_of_revolution:
+    if vehicle.is_axisymmetric:
         true = true_structure(vehicle)
         sensors = flown_sensors(vehicle, true.surface)
         return {
@@ -457,9 +455,9 @@ def _make_flows(
     holds = f"flows of the independent model {'beyond' if square is None else 'inside'} the envelope"
     if given is not None:
         pipeline.use(
-            FLOWS, given, _content_of(given, flow_table_file if vehicle.is_of_revolution else snapshots_file)
+            FLOWS, given, _content_of(given, flow_table_file if vehicle.is_axisymmetric else snapshots_file)
         )
-    elif not vehicle.is_of_revolution:
+    elif not vehicle.is_axisymmetric:
         conditions = shape_conditions(vehicle, cases, trial.trial.conditions, trial.trial.seed)
         make_shape_flows(pipeline, vehicle, conditions, FLOWS, holds)
     else:
@@ -518,11 +516,7 @@ def check_fit(vehicle: Vehicle, inverse_map: InverseMap, path: Path) -> None:
     InputError
         Names what differs, or a gauge is not on the vehicle's surface.
     """
-    layout = vehicle.gauges.layout
-    if vehicle.is_of_revolution:
-        names = place_layouts(vehicle, gauge_mesh(vehicle), [layout])[0][layout].names
-    else:
-        names = structure_case(vehicle, [layout]).layouts[layout].name
+    layout, names = vehicle.gauges.layout, gauges_in_use(vehicle).name
     n = inverse_map.n_strain_gauges
     if inverse_map.gauge_names[:n] != names:
         raise InputError(

@@ -121,7 +121,7 @@ def _manoeuvre(vehicle: Vehicle, conditions: Sequence[FlightCondition]) -> Traje
     path = vehicle.manoeuvre()
     trajectory = load_trajectory(path, tuple(vehicle.conditions.parameters))
     check_parameters(vehicle, trajectory, conditions, path)
-    if vehicle.is_of_revolution:
+    if vehicle.is_axisymmetric:
         check_envelope(*truth_knots(vehicle), trajectory, path)
     return trajectory
 
@@ -166,7 +166,7 @@ def _rows(
 
 def _shape_rows(vehicle: Vehicle, engine: Engine) -> Iterator[tuple[str, str]]:
     """Yield what follows from the entries of the outer shape."""
-    if not vehicle.is_of_revolution:
+    if not vehicle.has_meridian:
         low, high = engine.surface.point.min(axis=0), engine.surface.point.max(axis=0)
         spans = ", ".join(f"{axis} {a:.4g} to {b:.4g} m" for axis, a, b in zip("xyz", low, high, strict=True))
         yield f"shape, by {vehicle.shape_kind}", spans
@@ -195,13 +195,11 @@ def _warnings(
     yield from (f"warning: {line}" for line in doubtful_entries(vehicle, conditions))
     yield from (f"warning: {line}" for line in gauges_at_breaks(vehicle))
     of_revolution = (
-        vehicle.is_of_revolution
-        and vehicle.aerodynamics.surface is None
-        and vehicle.aerodynamics.engine != "table"
+        vehicle.is_axisymmetric and vehicle.aerodynamics.surface is None and vehicle.aerodynamics.engine != "table"
     )
     if trajectory is not None:
         yield from manoeuvre_warnings(vehicle, trajectory, conditions, of_revolution)
-    if vehicle.is_of_revolution:
+    if vehicle.is_axisymmetric:
         yield from other_physics(vehicle)
     yield from _refused_commands(vehicle)
 

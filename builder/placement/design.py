@@ -180,7 +180,7 @@ def placement_study(
         or the layout in use is not on one surface.
     """
     surface, case = structure.surface, None
-    if not vehicle.is_of_revolution:
+    if not vehicle.has_meridian:
         solid = structure_case(vehicle, [vehicle.gauges.layout])
         case = solid
     elif grid_of(surface) is None or vehicle.structure.model != "fourier":

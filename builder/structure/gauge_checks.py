@@ -27,7 +27,7 @@ def check_gauges(vehicle: Vehicle) -> dict[str, int]:
         The wall does not fit the body, a gauge is not on its surface, or the model cannot do what is requested.
     """
     names = list(vehicle.gauges.layouts)
-    if not vehicle.is_of_revolution:
+    if not vehicle.has_meridian:
         layouts = structure_case(vehicle, names).layouts
         return {name: len(layouts[name].name) for name in names}
     mesh = gauge_mesh(vehicle)
@@ -42,7 +42,7 @@ def check_gauges(vehicle: Vehicle) -> dict[str, int]:
 def gauges_in_use(vehicle: Vehicle) -> Gauges:
     """Return the gauges in use, each on its surface; errors as :func:`check_gauges`."""
     name = vehicle.gauges.layout
-    if vehicle.is_of_revolution:
+    if vehicle.has_meridian:
         return solid_gauges(vehicle, name, gauge_mesh(vehicle))
     return structure_case(vehicle, [name]).layouts[name]
 
@@ -50,7 +50,7 @@ def gauges_in_use(vehicle: Vehicle) -> Gauges:
 def gauge_roll_angles(vehicle: Vehicle) -> FloatArray:
     """Return (n_d,) the roll angles of the gauges in use [rad]; errors as :func:`check_gauges`."""
     name = vehicle.gauges.layout
-    if vehicle.is_of_revolution and vehicle.structure.model != "solid":
+    if vehicle.has_meridian and vehicle.structure.model != "solid":
         return place_layouts(vehicle, gauge_mesh(vehicle), [name])[1][name].roll_angle
     position = gauges_in_use(vehicle).position
     return np.arctan2(position[:, 1], position[:, 2])
@@ -61,7 +61,7 @@ def gauges_at_breaks(vehicle: Vehicle) -> Iterator[str]:
 
     Strain changes there within millimetres. Of bodies of revolution; errors as :func:`check_gauges`.
     """
-    if not vehicle.is_of_revolution:
+    if not vehicle.has_meridian:
         return
     name, length = vehicle.gauges.layout, vehicle.resolution.map.element_length_mm
     wall, gauges = wall_of(vehicle), gauges_in_use(vehicle)

@@ -315,17 +315,17 @@ class TrialFile(Section):
 
 
 PROPERTIES: dict[str, Callable[[Vehicle], bool]] = {
-    "revolution": lambda vehicle: vehicle.is_of_revolution,
-    "edges": lambda vehicle: not vehicle.is_of_revolution and bool(edges_of(vehicle)),
+    "revolution": lambda vehicle: vehicle.is_axisymmetric,
+    "edges": lambda vehicle: not vehicle.is_axisymmetric and bool(edges_of(vehicle)),
     "per pressure": lambda vehicle: vehicle.map.follows_pressure,
     "mass": lambda vehicle: vehicle.mass is not None,
     TEMPERATURE: lambda vehicle: vehicle.temperature is not None,
     "density": lambda vehicle: vehicle.material.density_kg_per_m3 is not None,
-    "held": lambda vehicle: vehicle.is_of_revolution and vehicle.structure.support != "free_flight",
+    "held": lambda vehicle: vehicle.is_axisymmetric and vehicle.structure.support != "free_flight",
     "sensors": lambda vehicle: vehicle.sensors is not None,
     "parameters": lambda vehicle: bool(vehicle.conditions.parameters),
     "faint strain": lambda vehicle: vehicle.noise.apparent_strain_um_per_m >= LEAST_STRAIN_UM_PER_M,
-    "own newtonian": lambda vehicle: not vehicle.is_of_revolution and vehicle.aerodynamics.engine == "newtonian",
+    "own newtonian": lambda vehicle: not vehicle.is_axisymmetric and vehicle.aerodynamics.engine == "newtonian",
 }
 """Of a vehicle and its map, by name. "faint strain": nearly none is a flight without incidence, where as much
 apparent strain is expected."""
@@ -460,7 +460,7 @@ def _of_flow_models(vehicle: Vehicle) -> float:
     """Return the stated size of the difference between two flow models, over the difference [1]."""
     form = model_form(vehicle.map, vehicle.noise)
     if vehicle.aerodynamics.engine == "newtonian":  # the leeward side alone is open, of a shape with another one
-        return 0.0 if vehicle.is_of_revolution else form.of_leeward
+        return 0.0 if vehicle.is_axisymmetric else form.of_leeward
     return 0.0 if vehicle.conditions.parameters else form.of_newtonian
 
 

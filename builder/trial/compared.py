@@ -108,7 +108,7 @@ def knowing(vehicle: Vehicle, is_exact: bool, case: int) -> Vehicle:
     entry = vehicle.map.model_dump() | {
         "case": case,
         "form": PER_PRESSURE,
-        "symmetry": "full" if vehicle.is_of_revolution else "listed",
+        "symmetry": "full" if vehicle.is_axisymmetric else "listed",
         "estimator": NONLINEAR,
         "gamma": 1.0,
         "keep_field": True,

@@ -160,7 +160,7 @@ def _incidences(where: Where, vehicle: Vehicle) -> tuple[float, float] | None:
     """Return the range of total incidences over the largest of the envelope; None where nothing asks for it."""
     if where.incidence is not None:
         return where.incidence[0], where.incidence[1]
-    if where.from_deg is None or not vehicle.is_of_revolution:
+    if where.from_deg is None or not vehicle.is_axisymmetric:
         return None
     least = where.from_deg / degrees(envelope_incidence(vehicle))
     return (least, 1.0) if least < 1.0 else None

@@ -123,7 +123,7 @@ class Flow(Section):
         """
         if self.engine == "tangent cones":
             return partial(_tangent_cones, surface.node_normal)
-        if vehicle.is_of_revolution:
+        if vehicle.is_axisymmetric:
             engine = NewtonianEngine(surface, leeward="prandtl_meyer")
         else:
             stagnation = vehicle.aerodynamics.stagnation or "rayleigh_pitot"

@@ -52,7 +52,7 @@ class FlownPhysics:
 
 def flown_physics(vehicle: Vehicle, engine: str) -> FlownPhysics:
     """Return the physics of the vehicle that flies, and of a map of snapshots by ``engine``."""
-    return FlownPhysics(flies=vehicle.truth_engine() if vehicle.is_of_revolution else engine, of_map=engine)
+    return FlownPhysics(flies=vehicle.truth_engine() if vehicle.is_axisymmetric else engine, of_map=engine)
 
 
 def other_physics(vehicle: Vehicle) -> list[str]:
@@ -63,7 +63,7 @@ def other_physics(vehicle: Vehicle) -> list[str]:
 
 def refuse_without_independent_model(vehicle: Vehicle) -> None:
     """Refuse a vehicle that has no independent model, before anything is solved."""
-    if vehicle.is_of_revolution:
+    if vehicle.is_axisymmetric:
         refuse_beyond_fourier(vehicle, [vehicle.gauges.layout])
     else:
         refuse_without_other_model(vehicle)

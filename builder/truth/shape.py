@@ -90,7 +90,7 @@ def refuse_without_other_model(vehicle: Vehicle) -> None:
         )
     if vehicle.sensors is not None:
         raise InputError("sensors: expected none for an independent model of this shape, which has gauges alone")
-    if vehicle.shape_kind == "surface" and vehicle.structure.checked_by is None:
+    if vehicle.structure.mesh is not None and vehicle.structure.checked_by is None:
         raise InputError(NO_SECOND_MESH)
 
 
@@ -105,7 +105,7 @@ def flying_structure(vehicle: Vehicle, known: Structure | None, reporter: Report
     InputError
         There is no second mesh.
     """
-    if vehicle.shape_kind == "surface" and known is not None and known.check is not None:
+    if vehicle.structure.mesh is not None and known is not None and known.check is not None:
         return structure_of_check(vehicle, known, known.check)
     layout = vehicle.gauges.layout
     case = structure_case(vehicle, [layout])

@@ -140,7 +140,7 @@ class Vehicle(Section):
         faults = []
         if self.material.density_kg_per_m3 is None:
             faults.append("[mass] needs material.density_kg_per_m3")
-        if not self.is_of_revolution or self.structure.model != "fourier" or self.structure.external is not None:
+        if not self.has_meridian or self.structure.model != "fourier" or self.structure.external is not None:
             faults.append("mass: expected a profile and structure.model 'fourier', got another structure")
         if self.sensors is not None:
             faults.append("mass: expected none with [sensors], whose readings inertia moves too")
@@ -248,8 +248,13 @@ class Vehicle(Section):
         return "profile" if self.shape is None else self.shape.kind
 
     @property
-    def is_of_revolution(self) -> bool:
-        """Whether the outer shape is a profile turned round the axis."""
+    def has_meridian(self) -> bool:
+        """Whether :meth:`body` and its wall are lines of a meridian plane, turned round the axis."""
+        return self.shape_kind == "profile"
+
+    @property
+    def is_axisymmetric(self) -> bool:
+        """Whether a flow at one roll angle is that at any other, turned: by its total angle of attack alone."""
         return self.shape_kind == "profile"
 
     def sectioned_body(self) -> SectionedBody:
@@ -319,7 +324,7 @@ class Vehicle(Section):
         """
         gauges_of_our_wall = self.structure.external is None and self.sensors is None
         levels = self.aerodynamics.engine == "euler" and self.map.alarm_levels != "nominal" and gauges_of_our_wall
-        return self.is_of_revolution and (levels or bool(self.truth.model_fields_set))
+        return self.is_axisymmetric and (levels or bool(self.truth.model_fields_set))
 
     def truth_engine(self) -> str:
         """Return the name of the engine of the vehicle that flies, for a body of revolution.
@@ -444,7 +449,7 @@ def _engine_that_flies(vehicle: Vehicle) -> str | None:
 def _size_faults(vehicle: Vehicle) -> list[str]:
     """Return what is wrong with the body and with sizes that follow from several entries, a line each."""
     faults = [*_flow_faults(vehicle), *_gauge_faults(vehicle)]
-    if not vehicle.is_of_revolution:
+    if not vehicle.has_meridian:
         return faults
     try:
         body = vehicle.body()

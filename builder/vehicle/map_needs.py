@@ -35,7 +35,7 @@ def why_linear(vehicle: Vehicle) -> str | None:
     entry = vehicle.map
     if not entry.follows_pressure:
         return f"map.form is '{entry.form}'"
-    if vehicle.shape_kind == "profile" and entry.symmetry != "full":
+    if vehicle.is_axisymmetric and entry.symmetry != "full":
         return f"map.symmetry is '{entry.symmetry}' with a profile"
     if vehicle.structure.strain_per_snapshot is not None:
         return "structure.strain_per_snapshot gives strain at the snapshots alone"

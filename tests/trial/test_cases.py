@@ -41,11 +41,11 @@ def test_every_shipped_vehicle_has_its_own_rows(name: str) -> None:
     vehicle = load_vehicle(VEHICLES / f"{name}.toml")
     errors = {case.error for case in cases_for(vehicle, STRESS)}
     shape, revolved = {"angle near its largest"}, {"incidence near its largest", "angles mirrored"}
-    assert (revolved if vehicle.is_of_revolution else shape) <= errors
-    assert not (shape if vehicle.is_of_revolution else revolved) & errors
+    assert (revolved if vehicle.is_axisymmetric else shape) <= errors
+    assert not (shape if vehicle.is_axisymmetric else revolved) & errors
     sizes = [case.size for case in of(vehicle, "another engine")]
     assert sizes[0].startswith("newtonian")
-    assert len(sizes) == 1 + vehicle.is_of_revolution
+    assert len(sizes) == 1 + vehicle.is_axisymmetric
 
 
 def test_every_stated_error_is_tried_alone_and_no_other() -> None:

@@ -67,7 +67,7 @@ def _euler(vehicle: Vehicle, resolution: Resolution, grid_level: str | None, not
     from builder.aero.euler.planes.marching_grid import marching_grid_of
 
     grid = marching_grid_of(resolution) if grid_level is None else _level(grid_level)
-    if vehicle.shape_kind == "sections":
+    if not vehicle.is_axisymmetric:
         from builder.aero.engines.euler import FullBodyEngine
 
         n_x, n_roll = resolution.surface_stations, resolution.surface_roll_angles

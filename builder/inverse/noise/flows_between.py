@@ -101,7 +101,7 @@ def same_engine(vehicle: Vehicle, snapshots: Snapshots, leeward: str | None = No
     body of revolution.
     """
     entry = vehicle.aerodynamics
-    if vehicle.is_of_revolution or {entry.engine, snapshots.engine} != {"newtonian"}:
+    if vehicle.is_axisymmetric or {entry.engine, snapshots.engine} != {"newtonian"}:
         return None
     surface, stagnation = snapshots.surface, entry.stagnation or "rayleigh_pitot"
     moved = deflections_of(vehicle, surface) if snapshots.parameter_names else ()

@@ -138,7 +138,7 @@ def inertia_in_words(vehicle: Vehicle) -> str:
         return f"included, by the masses of the vehicle file{known}"
     parts = (vehicle.material, *vehicle.materials.values())
     weight = "what 1 g across does needs material.density_kg_per_m3"
-    if vehicle.is_of_revolution and all(one.density_kg_per_m3 is not None for one in parts):
+    if vehicle.has_meridian and all(one.density_kg_per_m3 is not None for one in parts):
         reference, of_map = vehicle.reference_quantities(), vehicle.resolution.map
         mass = rigid_inertia(_with_masses(vehicle, wall_of(vehicle), of_map), 0.0)[0, 0]
         q = np.mean([one.dynamic_pressure for one in vehicle.flight_conditions()])

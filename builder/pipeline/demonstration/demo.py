@@ -201,7 +201,7 @@ def _flown(
     refuse_without_demo(vehicle)
     if ground_test is not None:
         refuse_unheld(vehicle, vehicle.gauges.layout)
-    manoeuvre, of_revolution = vehicle.manoeuvre(), vehicle.is_of_revolution
+    manoeuvre, of_revolution = vehicle.manoeuvre(), vehicle.is_axisymmetric
     path = load_trajectory(manoeuvre, tuple(vehicle.conditions.parameters))
     if of_revolution:
         check_envelope(*truth_knots(vehicle), path, manoeuvre)

@@ -147,7 +147,7 @@ def make_pictures(pipeline: Pipeline) -> None:
     def draw(path: Path) -> None:
         write_picture(scene_of_snapshot(*parts()), path)
 
-    if not pipeline.vehicle.is_of_revolution:
+    if not pipeline.vehicle.is_axisymmetric:
         holds = "the shape with its gauges and the pressure of one condition"
         make_figure(pipeline, "shape.png", holds, inputs, lambda: shape_with_gauges(*parts()))
     pipeline.make("vehicle.png", "figure: vehicle and gauges in three dimensions, from two sides", inputs, draw)

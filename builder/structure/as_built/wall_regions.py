@@ -127,7 +127,7 @@ def counts_in_flight(vehicle: Vehicle, roll_angle: FloatArray) -> Counts:
     stated = [KINDS[name] for name in BY_REGION if KINDS[name].std(vehicle.noise) > 0.0]
     if not stated:
         return Counts(gauge=len(roll_angle), row=int(rows_of(roll_angle).max()) + 1)
-    if not vehicle.is_of_revolution:
+    if not vehicle.has_meridian:
         raise InputError(f"noise.{stated[0].entry}: expected 0 but for a body of revolution that is clamped aft")
     counts = counts_of_wall(vehicle, roll_angle)
     if not counts.joint and any(kind.extent == "joint" for kind in stated):

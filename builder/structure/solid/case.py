@@ -215,7 +215,7 @@ def structure_case(
     for name in layouts:
         if name not in known:
             raise InputError(f"layout '{name}' found, must be one of {', '.join(known)}")
-    of_shape = _case_of_profile if vehicle.is_of_revolution else _case_of_other_shape
+    of_shape = _case_of_profile if vehicle.has_meridian else _case_of_other_shape
     case = of_shape(vehicle, list(dict.fromkeys(layouts)), mesh)
     return replace(case, solver=solver, allow_locking=allow_locking)
 
@@ -332,7 +332,7 @@ def _case_of_other_shape(vehicle: Vehicle, layouts: list[str], choice: MeshChoic
         if file is not None:
             read_gauge_table(vehicle.beside(file))  # refused before meshes are read, which takes longer
     resolution = vehicle.structure.resolution if choice is None else choice.resolution
-    meshes_of = _section_meshes if vehicle.shape_kind == "sections" else _named_meshes
+    meshes_of = _section_meshes if vehicle.structure.mesh is None else _named_meshes
     mesh, other, model, source = meshes_of(vehicle, resolution)
     matter, in_use = matter_of(vehicle), vehicle.gauges.layout
     for made in (mesh, other):
@@ -396,7 +396,7 @@ def flying_mesh(vehicle: Vehicle, case: SolidCase) -> SolidMesh | None:
 
     That of a body of sections is finer than the map's, others have the second mesh of their case.
     """
-    if vehicle.shape_kind != "sections":
+    if vehicle.has_meridian or vehicle.structure.mesh is not None:
         return None if case.other is None else case.other[1](case.mesh.whole).whole
     own, truth = RESOLUTIONS[vehicle.structure.resolution], vehicle.resolution.truth
     finer = SweptResolution(
