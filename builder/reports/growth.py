@@ -18,7 +18,7 @@ import numpy as np
 
 from builder.processors import peak_memory
 from builder.structure.gauge_placement import gauge_mesh
-from builder.structure.solid.cyclic_gauges import cyclic_gauge_rows
+from builder.structure.solid.cyclic import cyclic_gauge_rows
 from builder.structure.solid.gauge_layouts import solid_gauges
 from builder.structure.solid.linear_solvers import CYCLIC, named_back_end
 from builder.structure.solid.matter import Matter

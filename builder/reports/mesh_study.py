@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from io import StringIO
 from pathlib import Path
@@ -26,12 +26,12 @@ from builder.structure.fourier.strain_operator import harmonic_response
 from builder.structure.mapped_structure import MappedStructure, mapped_operator
 from builder.structure.solid.case import SolidCase, structure_case
 from builder.structure.solid.checks import ELEMENT_FRACTION
-from builder.structure.solid.cyclic_gauges import layout_rows
+from builder.structure.solid.cyclic import layout_rows
 from builder.structure.solid.gmsh_mesh import graded_wall_mesh, load_gmsh
 from builder.structure.solid.linear_solvers import CYCLIC, named_back_end
 from builder.structure.solid.mesh_choice import TETRAHEDRON_LENGTH
 from builder.structure.solid.nodal_loads import triangulated_surface
-from builder.structure.solid.solid_mesh import EXTERNAL, SolidMesh, linear_tetrahedra
+from builder.structure.solid.solid_mesh import EXTERNAL, SolidMesh
 from builder.structure.solid.strain_solution import solve_strain
 from builder.structure.solid.swept_mesh import SweptSector, swept_wall
 from builder.structure.wall import Wall, wall_of
@@ -68,6 +68,19 @@ class StudyMesh:
     name: str
     make: Callable[[BodyOfRevolution, Wall], SweptSector | SolidMesh]
     needs_gmsh: bool = False
+
+
+def linear_tetrahedra(mesh: SolidMesh) -> SolidMesh:
+    """Return linear tetrahedra on the corners of quadratic ones, to show what is lost without middle nodes."""
+    if mesh.element_type != "tetrahedron10":
+        raise InputError(f"mesh: element type '{mesh.element_type}' found, must be tetrahedron10")
+    used, element = np.unique(mesh.element[:, :4], return_inverse=True)
+    number = np.full(mesh.n_nodes, -1)
+    number[used] = np.arange(len(used))
+    surface = {name: number[facet[:, :3]] for name, facet in mesh.surface.items()}
+    return replace(
+        mesh, element_type="tetrahedron4", node=mesh.node[used], element=element.reshape(-1, 4), surface=surface
+    )
 
 
 def _linear(body: BodyOfRevolution, wall: Wall, relative_length: float) -> SolidMesh:

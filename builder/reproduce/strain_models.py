@@ -26,7 +26,7 @@ from builder.reproduce.protocol import Sizes
 from builder.structure.fourier.fourier_model import structural_model
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.mapped_structure import mapped_operator
-from builder.structure.solid.cyclic_gauges import cyclic_gauge_rows
+from builder.structure.solid.cyclic import cyclic_gauge_rows
 from builder.structure.solid.elements import CurvedFacets, boundary_facets, foot_point
 from builder.structure.solid.gauge_layouts import solid_gauges
 from builder.structure.solid.gauge_rows import Gauges, gauge_rows

@@ -10,9 +10,10 @@ from builder.structure.fourier.fourier_model import place_layouts
 from builder.structure.fourier.wall_layup import TOUCHES, change_stations
 from builder.structure.gauge_placement import gauge_mesh
 from builder.structure.solid.case import structure_case
+from builder.structure.solid.cyclic import layout_rows
 from builder.structure.solid.gauge_layouts import solid_gauges
 from builder.structure.solid.gauge_rows import Gauges
-from builder.structure.solid.solid_model import check_gauges_on_mesh
+from builder.structure.solid.mesh_choice import MeshChoice, make_mesh
 from builder.structure.wall import wall_of
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
@@ -33,7 +34,7 @@ def check_gauges(vehicle: Vehicle) -> dict[str, int]:
     mesh = gauge_mesh(vehicle)
     if vehicle.structure.model == "solid":
         gauges = {name: solid_gauges(vehicle, name, mesh) for name in names}
-        check_gauges_on_mesh(vehicle.body(), wall_of(vehicle), gauges)
+        layout_rows(make_mesh(vehicle.body(), wall_of(vehicle), MeshChoice(resolution="coarse")), gauges)
         return {name: len(one.name) for name, one in gauges.items()}
     found, _ = place_layouts(vehicle, mesh, names)
     return {name: len(layout.names) for name, layout in found.items()}

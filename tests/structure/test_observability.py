@@ -20,8 +20,7 @@ from builder.structure.observability import (
     wave_names,
     wave_response,
 )
-from builder.structure.solid.cyclic import CyclicSolver, cyclic_problem, pressure_operator
-from builder.structure.solid.cyclic_gauges import cyclic_gauge_rows
+from builder.structure.solid.cyclic import CyclicSolver, cyclic_gauge_rows, cyclic_problem, pressure_operator
 from builder.structure.solid.gauge_rows import gauges_at
 from builder.structure.solid.nodal_loads import triangulated_surface
 from builder.structure.solid.supports import Clamped

@@ -8,7 +8,7 @@
 - Operators: ``stiffness`` (A), ``nodal_loads`` (C_map: pressure at the nodes of a surface to nodal forces),
   ``gauge_rows`` (B: gauge strain per displacement), on ``elements``. Gauges of a vehicle file: ``gauge_layouts``.
 - Solution: ``supports`` or the inertia of ``matter``, solvers (``sparse_problem``, ``linear_solvers``),
-  then Z_p = B A^-1 C_map by ``strain_solution``; ``cyclic`` and ``cyclic_gauges`` on a mesh of equal sectors.
+  then Z_p = B A^-1 C_map by ``strain_solution``; ``cyclic`` on a mesh of equal sectors.
 - Checks by closed forms and by another mesh: ``checks``.
 
 Default solvers need scipy alone and are permissive; the output names the solver in use and its licence.

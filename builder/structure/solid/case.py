@@ -229,8 +229,9 @@ def _case_of_profile(vehicle: Vehicle, layouts: list[str], mesh: MeshChoice | No
     gauges = {name: solid_gauges(vehicle, name, rows_on) for name in layouts}
     wall, mesh = wall_of(vehicle), mesh or MeshChoice(resolution=vehicle.structure.resolution)
     if vehicle.structure.checked_by is not None:
-        read = {} if mesh.file is None else {"unit": mesh.unit, "by_position": mesh.by_position}
-        second = MeshChoice(source=str(vehicle.beside(vehicle.structure.checked_by)), **read)
+        second = MeshChoice(source=str(vehicle.beside(vehicle.structure.checked_by)))
+        if mesh.file is not None:
+            second = replace(second, unit=mesh.unit, by_position=mesh.by_position)
     mesh, in_use = _with_layers(mesh, body, wall, gauges), vehicle.gauges.layout
     if vehicle.noise.moves_gauges and in_use in gauges:
         gauges |= displaced_gauges(in_use, gauges[in_use], body)

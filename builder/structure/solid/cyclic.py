@@ -15,6 +15,12 @@ Solver of structures of equal sectors: one small complex system per harmonic, Su
 
 No factor and no field over the whole structure is kept, so memory grows with one sector and with the result.
 SuperLU releases Python's lock, so threads suffice.
+
+Gauge rows of a structure of equal sectors, found on a few of them.
+
+The strain of a gauge depends on the facets around it alone. It is rolled, by whole sectors, into a window of a few
+sectors; the search costs the same however many sectors there are, and gauges at the same position in different
+sectors get the same row.
 """
 
 from __future__ import annotations
@@ -22,16 +28,17 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import block_diag, csc_array, csr_array, eye_array, kron
+from scipy.sparse import block_diag, coo_array, csc_array, csr_array, eye_array, kron, vstack
 
 from builder.processors import processors
 from builder.reporting import Progress
 from builder.structure.solid.elements import Quadrature
+from builder.structure.solid.gauge_rows import Gauges, gauge_rows
 from builder.structure.solid.nodal_loads import facet_pressure_load, nodal_force_load, surface_nodes
 from builder.structure.solid.sparse_problem import (
     checked_residual,
@@ -41,7 +48,7 @@ from builder.structure.solid.sparse_problem import (
 )
 from builder.structure.solid.stiffness import assemble_stiffness
 from builder.structure.solid.supports import Support, restrain
-from builder.structure.solid.swept_mesh import SweptSector, sector_window
+from builder.structure.solid.swept_mesh import AnyMesh, SweptSector, sector_window
 from builder.structure.wall import Material
 from strainfmu.arrays import ComplexArray, FloatArray, IntArray
 from strainfmu.errors import InputError
@@ -186,6 +193,92 @@ def cyclic_problem(
     of_sector = csc_array(restraint.free[: sector.n_dof])
     free = csr_array(of_sector[:, np.diff(of_sector.indptr) > 0])
     return CyclicProblem(sector, _symmetric(sector, stiffness).between(csr_array(free.T), free), free)
+
+
+NEIGHBOURS = 2
+"""Sectors on either side of a gauge's own that strain recovery takes into account."""
+
+BOUNDARY = 1e-9  # of a sector: a gauge this close before a sector counts to it
+DECIMALS = 12  # m: positions are rounded there, so that rolled gauges agree to the last bit
+
+
+def layout_rows(mesh: AnyMesh, layouts: Mapping[str, Gauges], near_surface: bool = False) -> csr_array:
+    """Return B of all layouts on a mesh, one after another; within a layout no gauge may occur twice.
+
+    ``near_surface``, of meshes that are not swept, is as in
+    :func:`~builder.structure.solid.gauge_rows.gauge_rows`.
+    """
+    if isinstance(mesh, SweptSector):
+        rows = [cyclic_gauge_rows(mesh, gauges) for gauges in layouts.values()]
+    else:
+        rows = [gauge_rows(mesh, gauges, near_surface) for gauges in layouts.values()]
+    return csr_array(vstack(rows))
+
+
+def cyclic_gauge_rows(sector: SweptSector, gauges: Gauges) -> csr_array:
+    """Return B, the strain of each gauge per displacement of the whole structure, body axes.
+
+    Parameters
+    ----------
+    sector : the mesh of one sector.
+    gauges : the gauges, in body axes.
+
+    Returns
+    -------
+    (n_gauges, n_dof) [1/m], as :func:`~builder.structure.solid.gauge_rows.gauge_rows` gives on the full
+    mesh; a gauge on the line between two sectors is searched for in the latter and takes the mean of both.
+    """
+    reach = min(NEIGHBOURS + _sectors_along(sector, gauges), (sector.n_sectors - 1) // 2)
+    window = sector_window(sector, reach, reach)
+    of_gauge = _sector_of(sector, gauges.position)
+    row, column, entry = [], [], []
+    for s in np.unique(of_gauge).tolist():
+        chosen = np.flatnonzero(of_gauge == s)
+        rolled = _rolled(gauges, chosen, sector.rotation(s))
+        part = gauge_rows(window, rolled).tocoo()
+        vector = _turned(part, sector.rotation(s))
+        row.append(chosen[vector.row])
+        column.append((vector.col + (s - reach) * sector.n_dof) % (sector.n_sectors * sector.n_dof))
+        entry.append(vector.data)
+    index = (np.concatenate(row), np.concatenate(column))
+    shape = (len(gauges.name), sector.n_sectors * sector.n_dof)
+    return csr_array(coo_array((np.concatenate(entry), index), shape=shape))
+
+
+def _sectors_along(sector: SweptSector, gauges: Gauges) -> int:
+    """Return over how many sectors the longest gauge can reach to one side."""
+    radius = np.hypot(gauges.position[:, 1], gauges.position[:, 2])
+    arc = 2.0 * np.pi / sector.n_sectors * np.maximum(radius, 1e-300)
+    return int(np.ceil(min(float((0.5 * gauges.length / arc).max(initial=0.0)), float(sector.n_sectors))))
+
+
+def _sector_of(sector: SweptSector, position: FloatArray) -> IntArray:
+    """Return (n,) the sector whose roll angles hold each position."""
+    turns = np.arctan2(position[:, 1], position[:, 2]) / (2.0 * np.pi) % 1.0
+    number: IntArray = np.floor(turns * sector.n_sectors + BOUNDARY).astype(np.int64) % sector.n_sectors
+    return number
+
+
+def _rolled(gauges: Gauges, chosen: IntArray, turn: FloatArray) -> Gauges:
+    """Return the chosen gauges in the axes of the sector whose frame ``turn`` (3, 3) turns into body axes."""
+    return replace(
+        gauges,
+        name=tuple(gauges.name[i] for i in chosen),
+        position=np.round(gauges.position[chosen] @ turn, DECIMALS),
+        direction=np.round(gauges.direction[chosen] @ turn, DECIMALS),
+        length=gauges.length[chosen],
+        surface=tuple(gauges.surface[i] for i in chosen),
+    )
+
+
+def _turned(rows: coo_array, turn: FloatArray) -> coo_array:
+    """Turn rows (n, 3 n_nodes) from a sector's frame into body axes."""
+    row, component = rows.row, rows.col % 3
+    entry = rows.data[:, None] * turn[:, component].T
+    column = (rows.col - component)[:, None] + np.arange(3)
+    flat = coo_array((entry.ravel(), (np.repeat(row, 3), column.ravel())), shape=rows.shape)
+    flat.sum_duplicates()
+    return flat
 
 
 SAME_ENTRY = 1e-10

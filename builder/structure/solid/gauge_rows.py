@@ -22,7 +22,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.sparse import coo_array, csr_array
@@ -277,15 +277,8 @@ def gauges_at(
     )
 
 
-@dataclass(frozen=True, eq=False)
-class PlacedGauge:
-    """A gauge on its surface.
-
-    Attributes
-    ----------
-    foot : its point on the surface.
-    direction : (3,) unit vector in the tangent plane there.
-    """
+class PlacedGauge(NamedTuple):
+    """A gauge's point on its surface, and its direction (3,), a unit vector in the tangent plane there."""
 
     foot: FootPoint
     direction: FloatArray

@@ -6,7 +6,7 @@ Names for the surfaces of a hollow body whose mesh carries none.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -103,19 +103,6 @@ def _elements_in_order(mesh: SolidMesh) -> FloatArray:
     position, number = np.unique(mesh.node, axis=0, return_inverse=True)
     element = np.sort(number.reshape(-1)[mesh.element], axis=1)
     return np.asarray(position[element[np.lexsort(element.T)]].reshape(-1, 3))
-
-
-def linear_tetrahedra(mesh: SolidMesh) -> SolidMesh:
-    """Return linear tetrahedra on the corners of quadratic ones, to show what is lost without middle nodes."""
-    if mesh.element_type != "tetrahedron10":
-        raise InputError(f"mesh: element type '{mesh.element_type}' found, must be tetrahedron10")
-    used, element = np.unique(mesh.element[:, :4], return_inverse=True)
-    number = np.full(mesh.n_nodes, -1)
-    number[used] = np.arange(len(used))
-    surface = {name: number[facet[:, :3]] for name, facet in mesh.surface.items()}
-    return replace(
-        mesh, element_type="tetrahedron4", node=mesh.node[used], element=element.reshape(-1, 4), surface=surface
-    )
 
 
 PLANE_TOLERANCE = 1e-6  # of the body's length: how far the base may be from a plane

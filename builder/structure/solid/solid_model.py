@@ -23,8 +23,8 @@ from builder.structure.solid.checks import (
     largest_amplitude,
     reference_pressures,
 )
-from builder.structure.solid.cyclic_gauges import layout_rows
-from builder.structure.solid.gauge_rows import Gauges, gauge_fields
+from builder.structure.solid.cyclic import layout_rows
+from builder.structure.solid.gauge_rows import gauge_fields
 from builder.structure.solid.linear_solvers import CYCLIC, named_back_end
 from builder.structure.solid.mesh_checks import (
     check_mesh,
@@ -32,14 +32,11 @@ from builder.structure.solid.mesh_checks import (
     mesh_misfits,
     mesh_report,
 )
-from builder.structure.solid.mesh_choice import MeshChoice, make_mesh
 from builder.structure.solid.nodal_loads import loaded_surface
 from builder.structure.solid.solid_mesh import INTERNAL, SolidMesh
 from builder.structure.solid.strain_solution import solve_strain
 from builder.structure.solid.swept_mesh import AnyMesh
 from builder.structure.structure_file import MeshCheck, Structure, save_structure, structure_to_reuse
-from builder.structure.wall import Wall
-from builder.vehicle.shape.geometry import BodyOfRevolution
 from builder.workspace import refuse_misfits
 from strainfmu.arrays import FloatArray
 from strainfmu.version import __version__
@@ -164,17 +161,6 @@ def strain_per_force(case: SolidCase) -> tuple[SolidMesh, FloatArray]:
     rows = layout_rows(case.mesh, case.layouts)
     solved = solve_strain(case.mesh, case.matter, case.support, rows, case.solver, of_forces=True)
     return case.mesh.whole, solved.strain_operator.reshape(len(solved.strain_operator), -1, 3)
-
-
-def check_gauges_on_mesh(body: BodyOfRevolution, wall: Wall, layouts: Mapping[str, Gauges]) -> None:
-    """Refuse gauges that are not on their surface, on the coarsest swept mesh.
-
-    Raises
-    ------
-    InputError
-        The wall does not fit the body or a gauge is not on its surface.
-    """
-    layout_rows(make_mesh(body, wall, MeshChoice(resolution="coarse")), layouts)
 
 
 def _examined(case: SolidCase, reporter: Reporter) -> dict[str, Any]:

@@ -9,8 +9,7 @@ The solution for Z_p: by sectors where the mesh is made of them, on the full mes
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -113,16 +112,11 @@ FIELDS_AT_ONCE = 4
 """Pressures that are solved for together; the residual of their sum is checked, which grows with their number."""
 
 
-@dataclass(frozen=True, eq=False)
-class StrainSolution:
-    """Z_p and how it was found.
+class StrainSolution(NamedTuple):
+    """Z_p (n_d, n_p) [1/Pa], and its solver, licence and residuals; nothing that changes from run to run.
 
-    Attributes
-    ----------
-    strain_operator : (n_d, n_p) [1/Pa], columns in the order of the full mesh's external nodes; of meshes that are
-        not swept one per side of a sharp edge
-        (:func:`~builder.structure.solid.nodal_loads.split_surface`).
-    statistics : solver, licence and residuals; nothing that changes from run to run.
+    Columns are in the order of the full mesh's external nodes; of meshes that are not swept one per side of a
+    sharp edge (:func:`~builder.structure.solid.nodal_loads.split_surface`).
     """
 
     strain_operator: FloatArray
@@ -153,21 +147,13 @@ def solve_strain(
     progress : called with (done, in all).
     of_forces : columns are forces along x, y, z at the external nodes, column = 3 * node + component [1/N].
     """
-    if (
-        isinstance(mesh, SweptSector)
-        and solver_name in (None, CYCLIC)
-        and (support is not None or solver_name == CYCLIC)
-    ):
-        if support is None:
-            raise InputError(
-                f"solver '{CYCLIC}': free flight is not the same in every sector, take another solver"
-            )
-        problem = cyclic_problem(mesh, matter.materials((REGION,)), [support])
-        cyclic = CyclicSolver(problem)
-        if of_forces:
-            found = cyclic.strain_operator(rows, force_operator(mesh, EXTERNAL), progress)
-            return _solution(_along_body_axes(mesh, found), cyclic)
-        return _solution(cyclic.strain_operator(rows, pressure_operator(mesh, EXTERNAL), progress), cyclic)
+    if isinstance(mesh, SweptSector) and solver_name == CYCLIC and support is None:
+        raise InputError(f"solver '{CYCLIC}': free flight is not the same in every sector, take another solver")
+    if isinstance(mesh, SweptSector) and solver_name in (None, CYCLIC) and support is not None:
+        cyclic = CyclicSolver(cyclic_problem(mesh, matter.materials((REGION,)), [support]))
+        in_sectors = (force_operator if of_forces else pressure_operator)(mesh, EXTERNAL)
+        operator = cyclic.strain_operator(rows, in_sectors, progress)
+        return _solution(_along_body_axes(mesh, operator) if of_forces else operator, cyclic)
     solver, flight = _held(mesh, matter, support, solver_name)
     load = nodal_force_load(mesh.whole, EXTERNAL) if of_forces else _pressure_load(mesh)
     operator = strain_operator(rows, solver, load, flight, progress)

@@ -200,21 +200,30 @@ def swept_wall(body: BodyOfRevolution, wall: Wall, resolution: SweptResolution |
     core[:, 0] = inner[0, 0]
     tip_x = _cut_tip(body.radius, outer[:n_tip, 0])
     tip_node = tip_columns(tip_x, body.radius(tip_x), np.concatenate([core, wall_node[0]]))
-    n_tip_node = tip_node[..., 0].size
-    tip = np.arange(n_tip_node).reshape(tip_node.shape[:2])
-    hollow = np.empty(wall_node.shape[:2], dtype=np.int64)
-    hollow[0] = tip[-1, -len(through) :]
-    hollow[1:] = n_tip_node + np.arange(hollow[1:].size).reshape(hollow[1:].shape)
     node = np.concatenate([tip_node.reshape(-1, 2), wall_node[1:].reshape(-1, 2)])
-    element = np.concatenate([grid_elements(tip), grid_elements(hollow)])
+    element, edges = _tip_and_hollow(n_tip, len(inner), len(through))
+    return sweep(node, element, edges, size.n_sectors)
+
+
+def _tip_and_hollow(n_tip: int, n_hollow: int, n_through: int) -> tuple[IntArray, dict[str, IntArray]]:
+    """Return meridian elements (m, 9) and, per surface, edges (f, 3) of a solid tip and the wall behind it.
+
+    Nodes are numbered column by column: the tip's ``n_tip`` of the core and the wall, then those of the hollow
+    part, whose first is the tip's last.
+    """
+    core = 2 * CORE_ELEMENTS
+    tip = np.arange(n_tip * (core + n_through)).reshape(n_tip, -1)
+    hollow = np.empty((n_hollow, n_through), dtype=np.int64)
+    hollow[0] = tip[-1, core:]
+    hollow[1:] = tip.size + np.arange((n_hollow - 1) * n_through).reshape(-1, n_through)
     outside = np.concatenate([tip[:, -1], hollow[1:, -1]])
     edges = {
         EXTERNAL: np.concatenate([line_edges(tip[0]), line_edges(outside)]),
         INTERNAL: line_edges(hollow[:, 0]),
         SUPPORT: line_edges(hollow[-1]),
-        BORE: np.concatenate([line_edges(tip[:, 0]), line_edges(tip[-1, : 2 * CORE_ELEMENTS + 1])]),
+        BORE: np.concatenate([line_edges(tip[:, 0]), line_edges(tip[-1, : core + 1])]),
     }
-    return sweep(node, element, edges, size.n_sectors)
+    return np.concatenate([grid_elements(tip), grid_elements(hollow)]), edges
 
 
 def _named_resolution(resolution: SweptResolution | str) -> SweptResolution:
@@ -304,23 +313,12 @@ def section_wall(body: SectionedBody, wall: Wall, resolution: SweptResolution) -
     tip_x, wall_x = _stations(body, wall, resolution.element_length)
     n_layers = 2 * resolution.n_layers + 1
     core = 2 * CORE_ELEMENTS
-    tip_number = np.arange(len(tip_x) * (core + n_layers)).reshape(len(tip_x), -1)
-    hollow = np.empty((len(wall_x), n_layers), dtype=np.int64)
-    hollow[0] = tip_number[-1, core:]
-    hollow[1:] = tip_number.size + np.arange((len(wall_x) - 1) * n_layers).reshape(-1, n_layers)
     # Columns and rows instead of x and r: the sweep numbers nodes, their places follow.
     column = np.concatenate([np.repeat(tip_x, core + n_layers), np.repeat(wall_x[1:], n_layers)])
     row = np.concatenate(
         [np.tile(np.arange(core + n_layers), len(tip_x)), np.tile(core + np.arange(n_layers), len(wall_x) - 1)]
     )
-    element = np.concatenate([grid_elements(tip_number), grid_elements(hollow)])
-    outside = np.concatenate([tip_number[:, -1], hollow[1:, -1]])
-    edges = {
-        EXTERNAL: np.concatenate([line_edges(tip_number[0]), line_edges(outside)]),
-        INTERNAL: line_edges(hollow[:, 0]),
-        SUPPORT: line_edges(hollow[-1]),
-        BORE: np.concatenate([line_edges(tip_number[:, 0]), line_edges(tip_number[-1, : core + 1])]),
-    }
+    element, edges = _tip_and_hollow(len(tip_x), len(wall_x), n_layers)
     sector = sweep(np.column_stack([column, 1.0 + row]), element, edges, resolution.n_sectors)
     mesh = full_mesh(sector)
     x, y, z = mesh.node.T

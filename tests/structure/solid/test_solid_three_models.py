@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from installed_gmsh import gmsh_or_skip
 
+from builder.reports.mesh_study import linear_tetrahedra
 from builder.structure.fourier.inner_surface import inner_surface_points
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import harmonic_response
@@ -14,7 +15,7 @@ from builder.structure.solid.gmsh_mesh import graded_wall_mesh
 from builder.structure.solid.linear_solvers import choose_solver, named_back_end
 from builder.structure.solid.mesh_choice import TETRAHEDRON_LENGTH
 from builder.structure.solid.nodal_loads import pressure_load, surface_points
-from builder.structure.solid.solid_mesh import EXTERNAL, SUPPORT, SolidMesh, linear_tetrahedra
+from builder.structure.solid.solid_mesh import EXTERNAL, SUPPORT, SolidMesh
 from builder.structure.solid.strain_solution import held_problem
 from builder.structure.solid.supports import Clamped
 from builder.structure.solid.swept_mesh import full_mesh, swept_wall

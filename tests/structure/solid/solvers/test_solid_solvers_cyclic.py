@@ -16,12 +16,12 @@ from builder.structure.gauge_placement import gauge_mesh
 from builder.structure.solid.cyclic import (
     CyclicProblem,
     CyclicSolver,
+    cyclic_gauge_rows,
     cyclic_problem,
     pressure_operator,
     sector_stiffness,
     shifted_rows,
 )
-from builder.structure.solid.cyclic_gauges import cyclic_gauge_rows
 from builder.structure.solid.elements import element_faces
 from builder.structure.solid.gauge_layouts import solid_gauges
 from builder.structure.solid.gauge_rows import Gauges, gauge_rows, gauges_at
