@@ -147,16 +147,16 @@ def solid_strain(
     InputError
         A gauge is not on its surface.
     """
-    moved = displaced_on_surface("", gauges, *surface_axes(case.mesh.whole, gauges))
+    moved = displaced_on_surface("", gauges, *surface_axes(case.mesh.full, gauges))
     own_part, moved_part, solved_part = _parts_of(progress, (0.1, 0.6, 1.0))
-    rows = [gauge_rows(case.mesh.whole, gauges, with_twins=True, progress=own_part)]
+    rows = [gauge_rows(case.mesh.full, gauges, with_twins=True, progress=own_part)]
     # All in one call: directions at one point share the search for it.
     together = _one_after_another(list(moved.values()))
-    rows.append(gauge_rows(case.mesh.whole, together, near_surface=True, with_twins=True, progress=moved_part))
-    fields = mapped_fields(basis.fields, split_surface(case.mesh.whole, EXTERNAL)[0], snapshots)
+    rows.append(gauge_rows(case.mesh.full, together, near_surface=True, with_twins=True, progress=moved_part))
+    fields = mapped_fields(basis.fields, split_surface(case.mesh.full, EXTERNAL)[0], snapshots)
     of_all = csr_array(vstack(rows))
     strain = solve_fields(
-        case.mesh.whole, case.matter, case.support, of_all, fields, solver_name=case.solver, progress=solved_part
+        case.mesh.full, case.matter, case.support, of_all, fields, solver_name=case.solver, progress=solved_part
     )
     at_gauge, *displaced = np.split(strain, 1 + len(moved))
     strain_of = dict(zip(moved, displaced, strict=True))

@@ -192,7 +192,7 @@ def placement_study(
     own_layout = structure.layouts[vehicle.gauges.layout]
     bonded = None if case is None else bonded_surface(case, vehicle.gauges.layout)
     offered = (
-        grid_candidates(vehicle, grid) if case is None else surface_candidates(case.mesh.whole, str(bonded), grid)
+        grid_candidates(vehicle, grid) if case is None else surface_candidates(case.mesh.full, str(bonded), grid)
     )
     everything, kept_sites = with_gauges(offered, keep) if keep is not None else (offered, [])
     everything, layout_sites = with_gauges(everything, own_layout)

@@ -233,7 +233,7 @@ def _on_mesh(
 ) -> tuple[MappedStructure, int]:
     """Return the structure on a mesh, with pressure at the nodes of snapshots, and its number of dofs."""
     mesh = chosen.make(*case.of_revolution)
-    whole = mesh.whole
+    whole = mesh.full
     # Linear elements make free meshes faceted: gauges are moved onto the surface.
     rows = layout_rows(mesh, case.layouts, near_surface=True)
     solution = solve_strain(

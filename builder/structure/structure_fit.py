@@ -86,7 +86,7 @@ def _body_misfits(structure: Structure, body: BodyOfRevolution) -> list[Misfit]:
 
 def _extent_misfits(structure: Structure, case: SolidCase) -> list[Misfit]:
     """Return the extents along x, y and z in which the surface of a free shape differs from its case's mesh."""
-    expected = np.ptp(case.mesh.whole.node, axis=0)
+    expected = np.ptp(case.mesh.full.node, axis=0)
     found = np.ptp(structure.point, axis=0)
     return [
         Misfit(entry=f"extent of the mesh along {axis}", expected=f"{wanted:.6g} m", actual=f"{held:.6g} m")

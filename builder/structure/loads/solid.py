@@ -250,7 +250,7 @@ def solid_structure_of(
     """
     case = structure_case(vehicle, [layout], mesh, solver_name)
     return solid_structure(
-        mesh=case.mesh.whole,
+        mesh=case.mesh.full,
         material=case.matter.material,
         gauges=case.layouts[layout],
         supports=None if case.support is None else [case.support],

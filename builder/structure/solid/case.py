@@ -78,7 +78,7 @@ class SolidCase:
     vehicle : name.
     model : what :class:`~builder.structure.structure_file.Structure` calls the mesh.
     make : makes or reads the mesh; a swept one as its sector.
-    other : makes another mesh of the same body, given the first, whose difference is the error of the first; and
+    second : makes another mesh of the same body, given the first, whose difference is the error of the first; and
         its name. None where there is none.
     reference : returns the strain (n_d, k) of all gauges under the reference loads by the Fourier model, where the
         mesh is compared with that.
@@ -96,7 +96,7 @@ class SolidCase:
     vehicle: str
     model: str
     make: Callable[[], AnyMesh]
-    other: tuple[str, Callable[[SolidMesh], AnyMesh]] | None = None
+    second: tuple[str, Callable[[SolidMesh], AnyMesh]] | None = None
     reference: Callable[[], FloatArray] | None = None
     made_of: Mapping[str, Any]
     mesh_record: Mapping[str, Any]
@@ -125,7 +125,7 @@ class SolidCase:
     @property
     def length(self) -> float:
         """Length of the body [m]."""
-        return float(self.mesh.whole.node[:, 0].max()) if self.body is None else self.body.length
+        return float(self.mesh.full.node[:, 0].max()) if self.body is None else self.body.length
 
     @property
     def wall_elements(self) -> WallElements:
@@ -273,8 +273,8 @@ def case_of_body(
             return coarser_sector(body, wall, mesh)
         made = make_mesh(body, wall, checked_by)
         if checked_by.file is not None:
-            check_other(first, made.whole, checked_by.file)
-        check_mesh(made.whole, body.length)
+            check_other(first, made.full, checked_by.file)
+        check_mesh(made.full, body.length)
         return made
 
     def fourier_strain() -> FloatArray:
@@ -286,7 +286,7 @@ def case_of_body(
         vehicle=vehicle,
         model=mesh.model,
         make=lambda: make_mesh(body, wall, mesh),
-        other=None if by_fourier else (name, other_mesh),
+        second=None if by_fourier else (name, other_mesh),
         reference=fourier_strain if by_fourier else None,
         made_of={
             "body": asdict(body),
@@ -334,9 +334,9 @@ def _case_of_other_shape(vehicle: Vehicle, layouts: list[str], choice: MeshChoic
             read_gauge_table(vehicle.beside(file))  # refused before meshes are read, which takes longer
     resolution = vehicle.structure.resolution if choice is None else choice.resolution
     meshes_of = _section_meshes if vehicle.structure.mesh is None else _named_meshes
-    mesh, other, model, source = meshes_of(vehicle, resolution)
+    mesh, second, model, source = meshes_of(vehicle, resolution)
     matter, in_use = matter_of(vehicle), vehicle.gauges.layout
-    for made in (mesh, other):
+    for made in (mesh, second):
         if made is not None:
             matter.check(made)
     inside = vehicle.structure.internal_pressure_Pa
@@ -351,7 +351,7 @@ def _case_of_other_shape(vehicle: Vehicle, layouts: list[str], choice: MeshChoic
         vehicle=vehicle.name,
         model=model,
         make=lambda: mesh,
-        other=None if other is None else ("another mesh", lambda _: other),
+        second=None if second is None else ("another mesh", lambda _: second),
         made_of={"source": source, "matter": asdict(matter)},
         mesh_record={"model": model, **source},
         thickness=1e-3 * vehicle.structure.wall_thickness_mm,
@@ -366,11 +366,13 @@ Meshes = tuple[SolidMesh, SolidMesh | None, str, dict[str, Any]]
 
 
 def _section_meshes(vehicle: Vehicle, resolution: str) -> Meshes:
-    body, wall, own = vehicle.sectioned_body(), wall_of(vehicle), RESOLUTIONS[resolution]
-    coarser = SweptResolution(own.element_length / CHECK_SIZE, own.n_layers, round(CHECK_SIZE * own.n_sectors))
+    body, wall, chosen = vehicle.sectioned_body(), wall_of(vehicle), RESOLUTIONS[resolution]
+    coarser = SweptResolution(
+        chosen.element_length / CHECK_SIZE, chosen.n_layers, round(CHECK_SIZE * chosen.n_sectors)
+    )
     table = {name: np.asarray(value).tolist() for name, value in asdict(body).items()}
     source = {"sections": table, "wall": asdict(wall), "resolution": resolution}
-    return section_wall(body, wall, own), section_wall(body, wall, coarser), "swept_hexahedra", source
+    return section_wall(body, wall, chosen), section_wall(body, wall, coarser), "swept_hexahedra", source
 
 
 def _named_meshes(vehicle: Vehicle, resolution: str) -> Meshes:
@@ -398,10 +400,10 @@ def flying_mesh(vehicle: Vehicle, case: SolidCase) -> SolidMesh | None:
     That of a body of sections is finer than the map's, others have the second mesh of their case.
     """
     if vehicle.has_meridian or vehicle.structure.mesh is not None:
-        return None if case.other is None else case.other[1](case.mesh.whole).whole
-    own, truth = RESOLUTIONS[vehicle.structure.resolution], vehicle.resolution.truth
+        return None if case.second is None else case.second[1](case.mesh.full).full
+    chosen, truth = RESOLUTIONS[vehicle.structure.resolution], vehicle.resolution.truth
     finer = SweptResolution(
-        1e-3 * truth.element_length_mm, truth.wall_layers, round(own.n_sectors * FLYING_SECTORS / 2.0) * 2
+        1e-3 * truth.element_length_mm, truth.wall_layers, round(chosen.n_sectors * FLYING_SECTORS / 2.0) * 2
     )
     return section_wall(vehicle.sectioned_body(), wall_of(vehicle), finer)
 

@@ -107,7 +107,7 @@ def ring_mesh(
         FRONT: (corner[..., 0] == 0).all(axis=1),
         SUPPORT: (corner[..., 0] == 2 * counts[0]).all(axis=1),
     }
-    surface = {name: facet[here] for name, here in sides.items()}
+    surface = {name: facet[on_side] for name, on_side in sides.items()}
     return SolidMesh(
         element_type=element_type,
         node=position,
@@ -237,11 +237,11 @@ def locking_ratios(elements: WallElements) -> Mapping[int, float]:
 def _hoop_strain(mesh: SolidMesh, stiffness: csr_array, inner_radius: float, roll: FloatArray) -> FloatArray:
     """Return (len(roll), len(HARMONICS)) hoop strain per pressure [1/Pa] inside, at a quarter of the width."""
     free = free_motions(mesh.n_nodes, *_plane_strain(mesh))
-    held = csr_array(free.T @ stiffness @ free)
+    held_stiffness = csr_array(free.T @ stiffness @ free)
     point = surface_points(mesh, EXTERNAL)
     pressure = np.cos(np.outer(np.arctan2(point[:, 1], point[:, 2]), HARMONICS))
     force = pressure_load(mesh, EXTERNAL) @ pressure
-    displacement = free @ factor_symmetric(held).solve(np.asarray(free.T @ force))
+    displacement = free @ factor_symmetric(held_stiffness).solve(np.asarray(free.T @ force))
     x = np.full(len(roll), 0.25 * mesh.node[:, 0].max())
     sine, cosine = np.sin(roll), np.cos(roll)
     on_chord = inner_radius * np.cos(roll[0]) if mesh.element_type.endswith(("4", "8")) else inner_radius
@@ -327,7 +327,9 @@ def layers_needed(wall: Wall, radius: FloatArray, n_sectors: int, fewest: int = 
     # The smallest radius needs most layers, the largest has the longest elements round the axis.
     ends = sorted({max(at_least, float(np.min(radius))), max(at_least, float(np.max(radius)))})
     for layers in range(fewest, MOST_LAYERS):
-        rings = (swept_elements(wall, radius=one, n_sectors=n_sectors, layers=layers) for one in ends)
+        rings = (
+            swept_elements(wall, radius=outer_radius, n_sectors=n_sectors, layers=layers) for outer_radius in ends
+        )
         if all(min(locking_ratios(ring).values()) >= WARN_BELOW for ring in rings):
             return layers
     return MOST_LAYERS

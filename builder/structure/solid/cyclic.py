@@ -61,40 +61,42 @@ class CircularOperator:
     Attributes
     ----------
     n_sectors : number of sectors.
-    here, after, before : (n_rows, n_columns) blocks from a sector itself, the next and the one before.
+    within, after, before : (n_rows, n_columns) blocks from a sector itself, the next and the one before.
     """
 
     n_sectors: int
-    here: csr_array
+    within: csr_array
     after: csr_array
     before: csr_array
 
     def harmonic(self, m: int) -> csr_array:
         """Return the operator (n_rows, n_columns) on harmonic ``m``; real where ``m`` is its own conjugate."""
-        pointer, index, (here, after, before) = self._aligned
+        pointer, index, (within, after, before) = self._aligned
         turn = np.exp(2j * np.pi * m / self.n_sectors)
         if 2 * m % self.n_sectors == 0:
-            data = here + round(turn.real) * (after + before)
+            data = within + round(turn.real) * (after + before)
         else:
-            data = here + turn * after + turn.conjugate() * before
-        return csr_array((data, index, pointer), shape=self.here.shape)
+            data = within + turn * after + turn.conjugate() * before
+        return csr_array((data, index, pointer), shape=self.within.shape)
 
-    def between(self, left: csr_array, right: csr_array) -> CircularOperator:
-        """Return left @ block @ right of every block."""
-        here, after, before = (csr_array(left @ block @ right) for block in (self.here, self.after, self.before))
-        return CircularOperator(n_sectors=self.n_sectors, here=here, after=after, before=before)
+    def between(self, onto: csr_array, right: csr_array) -> CircularOperator:
+        """Return onto @ block @ right of every block."""
+        within, after, before = (
+            csr_array(onto @ block @ right) for block in (self.within, self.after, self.before)
+        )
+        return CircularOperator(n_sectors=self.n_sectors, within=within, after=after, before=before)
 
     @cached_property
     def _aligned(self) -> tuple[NDArray[np.int32], NDArray[np.int32], FloatArray]:
         """Pointer and index of the pattern common to the blocks, and their entries on it (3, n_entries)."""
-        n_columns = self.here.shape[1]
-        parts = [block.tocoo() for block in (self.here, self.after, self.before)]
+        n_columns = self.within.shape[1]
+        parts = [block.tocoo() for block in (self.within, self.after, self.before)]
         keys = [part.row.astype(np.int64) * n_columns + part.col for part in parts]
         common = np.unique(np.concatenate(keys))
         entry = np.zeros((3, len(common)))
         for values, key, part in zip(entry, keys, parts, strict=True):
             np.add.at(values, np.searchsorted(common, key), part.data)
-        pointer = np.searchsorted(common, np.arange(self.here.shape[0] + 1) * n_columns)
+        pointer = np.searchsorted(common, np.arange(self.within.shape[0] + 1) * n_columns)
         return pointer.astype(np.int32), (common % n_columns).astype(np.int32), entry
 
 
@@ -145,24 +147,24 @@ def pressure_operator(sector: SweptSector, surface_name: str) -> CircularOperato
     """
     both, node = sector_window(sector), surface_nodes(sector, surface_name)
     load = facet_pressure_load(both.node, both.named_surface(surface_name))
-    here, after, before = _blocks(csr_array(_two_frames(sector).T @ load))
+    within, after, before = _blocks(csr_array(_two_frames(sector).T @ load))
     return CircularOperator(
-        n_sectors=sector.n_sectors, here=here[:, node], after=after[:, node], before=before[:, node]
+        n_sectors=sector.n_sectors, within=within[:, node], after=after[:, node], before=before[:, node]
     )
 
 
 def force_operator(sector: SweptSector, surface_name: str) -> CircularOperator:
     """Return nodal forces in sector frames per force at a surface's nodes, column = 3 * node + component [-]."""
-    here = nodal_force_load(sector, surface_name)
-    none = csr_array(here.shape)
-    return CircularOperator(n_sectors=sector.n_sectors, here=here, after=none, before=none)
+    within = nodal_force_load(sector, surface_name)
+    none = csr_array(within.shape)
+    return CircularOperator(n_sectors=sector.n_sectors, within=within, after=none, before=none)
 
 
 def _symmetric(sector: SweptSector, both: csr_array) -> CircularOperator:
     """Return the operator of a symmetric matrix over the dofs of two sectors, summed over the first's elements."""
     frame = _two_frames(sector)
-    here, after, _ = _blocks(csr_array(frame.T @ both @ frame))
-    return CircularOperator(n_sectors=sector.n_sectors, here=here, after=after, before=csr_array(after.T))
+    within, after, _ = _blocks(csr_array(frame.T @ both @ frame))
+    return CircularOperator(n_sectors=sector.n_sectors, within=within, after=after, before=csr_array(after.T))
 
 
 def _two_frames(sector: SweptSector) -> csr_array:
@@ -174,9 +176,9 @@ def _two_frames(sector: SweptSector) -> csr_array:
 def _blocks(both: csr_array) -> tuple[csr_array, csr_array, csr_array]:
     """Return what a sector gets from itself, the next and the one before, of a matrix over two sectors."""
     n_rows, n_columns = both.shape[0] // 2, both.shape[1] // 2
-    own, after = both[:n_rows], both[n_rows:]
-    here = csr_array(own[:, :n_columns] + after[:, n_columns:])
-    return here, csr_array(own[:, n_columns:]), csr_array(after[:, :n_columns])
+    of_first, after = both[:n_rows], both[n_rows:]
+    within = csr_array(of_first[:, :n_columns] + after[:, n_columns:])
+    return within, csr_array(of_first[:, n_columns:]), csr_array(after[:, :n_columns])
 
 
 def cyclic_problem(
@@ -320,21 +322,21 @@ class ShiftedRows:
 def shifted_rows(sector: SweptSector, rows: csr_array) -> ShiftedRows:
     """Turn rows (n_rows, n_dof of the structure) along body axes into sector frames, and find equal ones."""
     parts = [_row_in_sector_frames(sector, csr_array(rows[[i]])) for i in range(rows.shape[0])]
-    kept: list[int] = []
+    distinct: list[int] = []
     pattern_of_row = np.empty(len(parts), dtype=np.int64)
     for i, (_, index, entry) in enumerate(parts):
-        equal = (n for n, k in enumerate(kept) if _same(parts[k][1], parts[k][2], index, entry))
-        pattern_of_row[i] = next(equal, len(kept))
-        if pattern_of_row[i] == len(kept):
-            kept.append(i)
-    index = np.concatenate([parts[k][1] for k in kept])
+        equal = (n for n, k in enumerate(distinct) if _same(parts[k][1], parts[k][2], index, entry))
+        pattern_of_row[i] = next(equal, len(distinct))
+        if pattern_of_row[i] == len(distinct):
+            distinct.append(i)
+    index = np.concatenate([parts[k][1] for k in distinct])
     return ShiftedRows(
         n_sectors=sector.n_sectors,
         n_dof=sector.n_dof,
-        pattern=np.repeat(np.arange(len(kept)), [len(parts[k][1]) for k in kept]),
+        pattern=np.repeat(np.arange(len(distinct)), [len(parts[k][1]) for k in distinct]),
         sector=index // sector.n_dof,
         dof=index % sector.n_dof,
-        entry=np.concatenate([parts[k][2] for k in kept]),
+        entry=np.concatenate([parts[k][2] for k in distinct]),
         pattern_of_row=pattern_of_row,
         shift_of_row=np.array([first for first, _, _ in parts], dtype=np.int64),
     )
@@ -364,10 +366,10 @@ def _first_sector(sector: IntArray, n_sectors: int) -> int:
     return int(used[gap.argmax()])
 
 
-def _same(index: IntArray, entry: FloatArray, other_index: IntArray, other: FloatArray) -> bool:
+def _same(index: IntArray, entry: FloatArray, other_index: IntArray, entries: FloatArray) -> bool:
     if not np.array_equal(index, other_index):
         return False
-    return bool(np.abs(entry - other).max(initial=0.0) <= SAME_ENTRY * np.abs(entry).max(initial=0.0))
+    return bool(np.abs(entry - entries).max(initial=0.0) <= SAME_ENTRY * np.abs(entry).max(initial=0.0))
 
 
 BLOCK = 64
@@ -420,14 +422,14 @@ class CyclicSolver:
                 f"gauge rows {rows.shape}: must be at least one row of {problem.n_dof} finite columns"
             )
         shifted = shifted_rows(problem.sector, rows)
-        reduced = load.between(csr_array(problem.free.T), csr_array(eye_array(load.here.shape[1])))
-        shape = (n_harmonics(problem.n_sectors), load.here.shape[1], shifted.n_patterns)
+        reduced = load.between(csr_array(problem.free.T), csr_array(eye_array(load.within.shape[1])))
+        shape = (n_harmonics(problem.n_sectors), load.within.shape[1], shifted.n_patterns)
         spectrum = np.empty(shape, dtype=np.complex128)
 
-        def one(m: int) -> None:
+        def solve_harmonic(m: int) -> None:
             self._adjoint_harmonic(m, shifted, reduced, spectrum[m])
 
-        self._over_harmonics(one, progress)
+        self._over_harmonics(solve_harmonic, progress)
         pattern = np.fft.irfft(spectrum, n=problem.n_sectors, axis=0)
         operator = np.empty((len(shifted.pattern_of_row), pattern.shape[0] * pattern.shape[1]))
         for row, (which, shift) in enumerate(zip(shifted.pattern_of_row, shifted.shift_of_row, strict=True)):
@@ -468,9 +470,9 @@ class CyclicSolver:
             self.probe_residual = max(self.probe_residual, probed)
         return checked
 
-    def _over_harmonics(self, one: Callable[[int], None], progress: Progress | None = None) -> None:
+    def _over_harmonics(self, solve: Callable[[int], None], progress: Progress | None = None) -> None:
         n = n_harmonics(self.problem.n_sectors)
         with ThreadPoolExecutor(min(self._threads, n)) as pool:
-            for done, _ in enumerate(pool.map(one, range(n)), start=1):
+            for done, _ in enumerate(pool.map(solve, range(n)), start=1):
                 if progress is not None:
                     progress(done, n)

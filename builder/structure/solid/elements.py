@@ -310,8 +310,8 @@ def scaled_jacobian(element_type: str, node: FloatArray, element: IntArray) -> F
     # At each corner the reference directions of its three edges, ordered to be right-handed.
     ends = [[b if a == c else a for a, b in edge.tolist() if c in (a, b)] for c in range(n_corners)]
     direction = corner[np.array(ends)] - corner[:, None, :]
-    left = np.linalg.det(direction) < 0.0
-    direction[left] = direction[left][:, [1, 0, 2]]
+    is_left_handed = np.linalg.det(direction) < 0.0
+    direction[is_left_handed] = direction[is_left_handed][:, [1, 0, 2]]
     quality = np.empty(len(element))
     for start in range(0, len(element), CHUNK):
         part = slice(start, start + CHUNK)
@@ -333,11 +333,11 @@ def straighten_folded(element_type: str, node: FloatArray, element: IntArray) ->
     edge, n_corners = element_edges(element_type), CORNERS[element_type]
     bad = np.zeros(len(element), dtype=bool)
     while True:
-        found = (determinant_ratio(element_type, node, element) < STRAIGHT_BELOW) & ~bad
-        if not found.any():
+        newly_folded = (determinant_ratio(element_type, node, element) < STRAIGHT_BELOW) & ~bad
+        if not newly_folded.any():
             return node
-        bad |= found
-        worst = element[found]
+        bad |= newly_folded
+        worst = element[newly_folded]
         node[worst[:, n_corners:]] = node[worst[:, edge]].mean(axis=2)
 
 

@@ -44,33 +44,33 @@ def solid_gauges(vehicle: Vehicle, layout: str, mesh: MeridianMesh) -> Gauges:
     """
     entry = vehicle.gauges.layouts[layout]
     if entry.rows is None:
-        found = gauge_layout(vehicle, layout, mesh)
+        placed = gauge_layout(vehicle, layout, mesh)
         surface = SURFACE[entry.surface or "inner"]
-        return gauges_at(found.position, found.direction, found.names, 1e-3 * (entry.length_mm or 0.0), surface)
+        return gauges_at(placed.position, placed.direction, placed.names, 1e-3 * (entry.length_mm or 0.0), surface)
     where, body = f"gauges.layouts.{layout}", vehicle.body()
     rows = enumerate(entry.rows, start=1)
     return joined_gauges([_body_row(row, layout_from_rows([row], mesh, where, n), body) for n, row in rows], where)
 
 
-def _body_row(row: GaugeRow, found: GaugeLayout, body: BodyOfRevolution) -> Gauges:
+def _body_row(row: GaugeRow, layout: GaugeLayout, body: BodyOfRevolution) -> Gauges:
     if row.surface == "outer":
-        found = _on_outer_surface(found, body)
-    return gauges_at(found.position, found.direction, found.names, 1e-3 * row.length_mm, SURFACE[row.surface])
+        layout = _on_outer_surface(layout, body)
+    return gauges_at(layout.position, layout.direction, layout.names, 1e-3 * row.length_mm, SURFACE[row.surface])
 
 
-def _on_outer_surface(found: GaugeLayout, body: BodyOfRevolution) -> GaugeLayout:
+def _on_outer_surface(layout: GaugeLayout, body: BodyOfRevolution) -> GaugeLayout:
     """Move gauges outwards at their stations; axial ones lie along the outer meridian."""
-    x = found.position[:, 0]
-    roll = np.arctan2(found.position[:, 1], found.position[:, 2])
+    x = layout.position[:, 0]
+    roll = np.arctan2(layout.position[:, 1], layout.position[:, 2])
     outwards = np.column_stack([0.0 * x, np.sin(roll), np.cos(roll)])
     angle = body.angle(x)[:, None]
     along = np.cos(angle) * np.array([1.0, 0.0, 0.0]) + np.sin(angle) * outwards
-    is_hoop = np.array([name.startswith("hoop") for name in found.names])[:, None]
+    is_hoop = np.array([name.startswith("hoop") for name in layout.names])[:, None]
     return replace(
-        found,
-        names=tuple(f"{name}_outer" for name in found.names),
+        layout,
+        names=tuple(f"{name}_outer" for name in layout.names),
         position=x[:, None] * np.array([1.0, 0.0, 0.0]) + body.radius(x)[:, None] * outwards,
-        direction=np.where(is_hoop, found.direction, along),
+        direction=np.where(is_hoop, layout.direction, along),
     )
 
 
@@ -106,7 +106,7 @@ def displaced_gauges(layout: str, gauges: Gauges, body: BodyOfRevolution) -> dic
     aft = np.column_stack([np.cos(angle), np.sin(angle) * np.sin(roll), np.sin(angle) * np.cos(roll)])
     around = np.column_stack([zero, np.cos(roll), -np.sin(roll)])
     rolled = {AROUND: _rolled(gauges, STEP / radius), BACK: _rolled(gauges, -STEP / radius)}
-    by_name = {displaced_name(layout, how): one for how, one in rolled.items()}
+    by_name = {displaced_name(layout, how): gauges for how, gauges in rolled.items()}
     return displaced_on_surface(layout, gauges, aft, around) | by_name
 
 
@@ -121,7 +121,7 @@ def displaced_on_surface(layout: str, gauges: Gauges, aft: FloatArray, around: F
         TURNED_AROUND: _turned(gauges, aft, around, 1.0),
         TURNED_BACK: _turned(gauges, aft, around, -1.0),
     }
-    return {displaced_name(layout, how): one for how, one in (moved | turned).items()}
+    return {displaced_name(layout, how): displaced for how, displaced in (moved | turned).items()}
 
 
 def _rolled(gauges: Gauges, angle: FloatArray) -> Gauges:
@@ -206,17 +206,21 @@ def free_gauges(vehicle: Vehicle, layout: str, mesh: SolidMesh) -> Gauges:
     if entry.rows is not None:
         wheres = [f"{where}.rows.{i}" for i in range(1, len(entry.rows) + 1)]
         surfaces = {
-            row.surface: _surface_of(mesh, row.surface, at) for row, at in zip(entry.rows, wheres, strict=True)
+            row.surface: _surface_of(mesh, row.surface, where_row)
+            for row, where_row in zip(entry.rows, wheres, strict=True)
         }
-        parts = [_mesh_row(row, surfaces[row.surface], at) for row, at in zip(entry.rows, wheres, strict=True)]
+        parts = [
+            _mesh_row(row, surfaces[row.surface], where_row)
+            for row, where_row in zip(entry.rows, wheres, strict=True)
+        ]
         return joined_gauges(parts, where)
     assert entry.file is not None
     surface = _surface_of(mesh, entry.surface or "inner", where)
     table = read_gauge_table(vehicle.beside(entry.file))
-    placed = [_table_gauge(one, surface, 1e-3 * entry.largest_distance_mm) for one in table]
+    placed = [_table_gauge(gauge, surface, 1e-3 * entry.largest_distance_mm) for gauge in table]
     position, direction = (np.array(part) for part in zip(*placed, strict=True))
     length = 1e-3 * (entry.length_mm or 0.0)
-    return gauges_at(position, direction, [one.name for one in table], length, surface.name)
+    return gauges_at(position, direction, [gauge.name for gauge in table], length, surface.name)
 
 
 def _surface_of(mesh: SolidMesh, side: str, where: str) -> GaugeSurface:
@@ -283,10 +287,10 @@ def _point(place: dict[str, float], surface: GaugeSurface, where: str) -> FloatA
     if kind == "node":
         return np.asarray(mesh.node[int(number) - 1])
     facet = surface.mesh.named_surface(surface.name)
-    own = np.isin(facet, mesh.element[int(number) - 1]).all(axis=1)
-    if not own.any():
+    faces = np.isin(facet, mesh.element[int(number) - 1]).all(axis=1)
+    if not faces.any():
         raise InputError(f"{where}: element: expected one with a face on surface '{surface.name}', got {number:g}")
-    return np.asarray(mesh.node[facet[np.flatnonzero(own)[0]]].mean(axis=0))
+    return np.asarray(mesh.node[facet[np.flatnonzero(faces)[0]]].mean(axis=0))
 
 
 def _refuse_far(foot: FootPoint, surface: GaugeSurface, tolerance: float, where: str) -> None:
@@ -296,9 +300,9 @@ def _refuse_far(foot: FootPoint, surface: GaugeSurface, tolerance: float, where:
         f"{where}: expected at most {1e3 * tolerance:g} mm from surface '{surface.name}', got "
         f"{1e3 * np.linalg.norm(foot.offset):.3g} mm at ({', '.join(f'{value:.4g}' for value in point)}) m"
     )
-    for other in (EXTERNAL, INTERNAL):
-        if other == surface.name or other not in surface.mesh.surface:
+    for side in (EXTERNAL, INTERNAL):
+        if side == surface.name or side not in surface.mesh.surface:
             continue
-        if np.linalg.norm(GaugeSurface(surface.mesh, other).foot(point).offset) <= tolerance:
-            message += f"; it lies on surface '{other}'"
+        if np.linalg.norm(GaugeSurface(surface.mesh, side).foot(point).offset) <= tolerance:
+            message += f"; it lies on surface '{side}'"
     raise InputError(message)

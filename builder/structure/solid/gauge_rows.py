@@ -117,21 +117,21 @@ class SurfacePatches:
         """Return the foot on every facet that it lies on and that goes on smoothly there; shared too."""
         key = (foot.facet, foot.point.tobytes())
         if key not in self._known_sides:
-            others = feet_on(self.curved, self.around(foot.facet)[1:], foot.point)
-            on_the_line = [other for other in others if np.linalg.norm(other.offset) < ON_THE_LINE]
+            neighbours = feet_on(self.curved, self.around(foot.facet)[1:], foot.point)
+            on_the_line = [neighbour for neighbour in neighbours if np.linalg.norm(neighbour.offset) < ON_THE_LINE]
             self._known_sides[key] = [foot, *on_the_line]
         return self._known_sides[key]
 
     def around(self, facet: int) -> IntArray:
         """Return the facets (k,) that go on smoothly, in one region, at a node of ``facet``, itself first."""
-        found = [facet]
+        facets = [facet]
         ordered, owner, local = self._facets_of_node
         for a, node in enumerate(self.facet[facet]):
-            here = slice(np.searchsorted(ordered, node), np.searchsorted(ordered, node, side="right"))
-            cosine = self._normal[owner[here], local[here]] @ self._normal[facet, a]
-            alike = self.region[owner[here]] == self.region[facet]
-            found += owner[here][alike & (cosine > np.cos(self._sharpest))].tolist()
-        return np.array(list(dict.fromkeys(found)))
+            span = slice(np.searchsorted(ordered, node), np.searchsorted(ordered, node, side="right"))
+            cosine = self._normal[owner[span], local[span]] @ self._normal[facet, a]
+            alike = self.region[owner[span]] == self.region[facet]
+            facets += owner[span][alike & (cosine > np.cos(self._sharpest))].tolist()
+        return np.array(list(dict.fromkeys(facets)))
 
 
 def strain_weights(patches: SurfacePatches, foot: FootPoint, direction: FloatArray) -> tuple[IntArray, FloatArray]:
@@ -143,7 +143,7 @@ def strain_weights(patches: SurfacePatches, foot: FootPoint, direction: FloatArr
     weight : (k, 3) strain per displacement [1/m].
     """
     feet = patches.feet_of_all_sides(foot)
-    parts = [_weights_of_patch(patches, one, direction) for one in feet]
+    parts = [_weights_of_patch(patches, side, direction) for side in feet]
     node, weight = (np.concatenate(part) for part in zip(*parts, strict=True))
     return node, weight / len(feet)
 
@@ -228,16 +228,16 @@ class Gauges:
 
 def joined_gauges(parts: list[Gauges], where: str) -> Gauges:
     """Return the gauges of ``parts`` as one layout; ``where`` is its entry in the vehicle file."""
-    name = tuple(one for part in parts for one in part.name)
-    for one in name:
-        if name.count(one) > 1:
-            raise InputError(f"{where}: expected each gauge name once, got '{one}' twice")
+    name = tuple(gauge_name for part in parts for gauge_name in part.name)
+    for gauge_name in name:
+        if name.count(gauge_name) > 1:
+            raise InputError(f"{where}: expected each gauge name once, got '{gauge_name}' twice")
     return Gauges(
         name=name,
         position=np.concatenate([part.position for part in parts]),
         direction=np.concatenate([part.direction for part in parts]),
         length=np.concatenate([part.length for part in parts]),
-        surface=tuple(one for part in parts for one in part.surface),
+        surface=tuple(surface for part in parts for surface in part.surface),
     )
 
 
@@ -247,14 +247,14 @@ def gauge_fields(layouts: Mapping[str, Gauges]) -> dict[str, Any]:
     See :class:`builder.structure.structure_file.Structure`; directions are made unit vectors.
     """
     gauges = layouts.values()
-    direction = np.concatenate([one.direction for one in gauges])
+    direction = np.concatenate([layout.direction for layout in gauges])
     return {
-        "gauge_names": tuple(name for one in gauges for name in one.name),
-        "layout": tuple(name for name, one in layouts.items() for _ in one.name),
-        "gauge_position": np.concatenate([one.position for one in gauges]),
+        "gauge_names": tuple(name for layout in gauges for name in layout.name),
+        "layout": tuple(name for name, layout in layouts.items() for _ in layout.name),
+        "gauge_position": np.concatenate([layout.position for layout in gauges]),
         "gauge_direction": direction / np.linalg.norm(direction, axis=1, keepdims=True),
-        "gauge_length": np.concatenate([one.length for one in gauges]),
-        "gauge_surface": tuple(name for one in gauges for name in one.surface),
+        "gauge_length": np.concatenate([layout.length for layout in gauges]),
+        "gauge_surface": tuple(name for layout in gauges for name in layout.surface),
     }
 
 
@@ -388,17 +388,17 @@ def _refuse_off_surface(mesh: SolidMesh, position: FloatArray, foot: FootPoint, 
     if distance <= LARGEST_DISTANCE:
         return
     if foot.beyond_edge > abs(foot.height):
-        found = f"{1e3 * foot.beyond_edge:.2f} mm beyond the edge of surface '{surface}'"
+        place = f"{1e3 * foot.beyond_edge:.2f} mm beyond the edge of surface '{surface}'"
     else:
         side = "away from" if foot.height > 0.0 else "into"
-        found = f"{1e3 * distance:.2f} mm off surface '{surface}', {side} the material"
+        place = f"{1e3 * distance:.2f} mm off surface '{surface}', {side} the material"
     for other in (EXTERNAL, INTERNAL, *mesh.surface):
         if other != surface and len(mesh.surface.get(other, ())):
-            there = _patches(mesh, other).foot(position)
-            if np.linalg.norm(there.offset) <= LARGEST_DISTANCE:
-                found += f" and on surface '{other}'"
+            nearest = _patches(mesh, other).foot(position)
+            if np.linalg.norm(nearest.offset) <= LARGEST_DISTANCE:
+                place += f" and on surface '{other}'"
                 break
-    raise InputError(f"{name}: position is {found}, at most {1e3 * LARGEST_DISTANCE:g} mm is allowed")
+    raise InputError(f"{name}: position is {place}, at most {1e3 * LARGEST_DISTANCE:g} mm is allowed")
 
 
 def _refuse_twins(gauges: Gauges, placed: list[PlacedGauge]) -> None:

@@ -254,9 +254,9 @@ def _cut_in_quarters(gmsh: Any, solids: list[tuple[int, int]]) -> list[list[int]
     reach = 1.1 * float(np.abs([low, high])[:, 1:].max())
     margin = 0.1 * (high[0] - low[0])
     side = [(2, occ.addRectangle(low[0] - margin, -reach, 0.0, high[0] - low[0] + 2.0 * margin, 2.0 * reach))]
-    other = occ.copy(side)
-    occ.rotate(other, *ORIGIN, *X_AXIS, 0.5 * np.pi)
-    _, origin = occ.fragment(solids, side + other)
+    crossing = occ.copy(side)
+    occ.rotate(crossing, *ORIGIN, *X_AXIS, 0.5 * np.pi)
+    _, origin = occ.fragment(solids, side + crossing)
     occ.synchronize()
     faces = {tag for part in origin[len(solids) :] for _, tag in part}
     outside = [(2, tag) for tag in faces if not len(gmsh.model.getAdjacencies(2, tag)[0])]
@@ -271,7 +271,7 @@ def _shells(gmsh: Any) -> list[list[int]]:
     curves = {tag: {abs(c) for _, c in gmsh.model.getBoundary([(2, tag)], combined=False)} for tag in surfaces}
     shells: list[set[int]] = []
     for tag in surfaces:
-        joined = [shell for shell in shells if any(curves[tag] & curves[other] for other in shell)]
+        joined = [shell for shell in shells if any(curves[tag] & curves[member] for member in shell)]
         shells = [shell for shell in shells if shell not in joined] + [{tag}.union(*joined)]
 
     def reach(shell: set[int]) -> float:

@@ -73,40 +73,40 @@ class Matter:
 
     def densities(self, regions: tuple[str, ...]) -> dict[str, float]:
         """Return the density of each region [kg/m3]."""
-        found = {}
+        density_of = {}
         for name in regions:
             density = self._of(name)[1]
             if density is None:
                 raise InputError(f"free flight: the density of the material of region '{name}' is missing")
             if not 0.0 < density < np.inf:
                 raise InputError(f"density {density:g} kg/m3 of region '{name}' must be greater than 0")
-            found[name] = density
-        return found
+            density_of[name] = density
+        return density_of
 
     def regions_and_masses(self) -> dict[str, Any]:
         """Return, as JSON can hold it, what is not of the one material; empty where there is nothing."""
         record = {
             "regions": {
-                name: [one.youngs_modulus, one.poisson_ratio, density]
-                for name, (one, density) in sorted(self.of_region.items())
+                name: [material.youngs_modulus, material.poisson_ratio, density]
+                for name, (material, density) in sorted(self.of_region.items())
             },
-            "point_masses": [[one.mass, *one.position, one.surface] for one in self.points],
-            "covers": [list(one) for one in self.covers],
+            "point_masses": [[mass.mass, *mass.position, mass.surface] for mass in self.points],
+            "covers": [list(cover) for cover in self.covers],
         }
         return {name: value for name, value in record.items() if value}
 
     def check(self, mesh: SolidMesh) -> None:
         """Refuse names that the mesh does not have."""
         for name in self.of_region:
-            if name not in [one.lower() for one in mesh.region_names]:
+            if name not in [region.lower() for region in mesh.region_names]:
                 known = ", ".join(mesh.region_names)
                 raise InputError(f"structure.mesh_materials: expected regions of the mesh, {known}, got '{name}'")
-        for number, one in enumerate(self.points, start=1):
-            if not len(mesh.surface.get(one.surface, ())):
+        for number, mass in enumerate(self.points, start=1):
+            if not len(mesh.surface.get(mass.surface, ())):
                 known = ", ".join(sorted(mesh.surface))
                 raise InputError(
                     f"structure.point_masses.{number}.on: expected a surface of the mesh, {known}, got "
-                    f"'{one.surface}'"
+                    f"'{mass.surface}'"
                 )
 
     def _of(self, region: str) -> tuple[Material, float | None]:
@@ -115,10 +115,10 @@ class Matter:
 
 def matter_of(vehicle: Vehicle) -> Matter:
     """Return materials and masses of the vehicle file."""
-    entry, own = vehicle.structure, vehicle.material
+    entry, material = vehicle.structure, vehicle.material
     return Matter(
-        material=material_of(own),
-        density=own.density_kg_per_m3,
+        material=material_of(material),
+        density=material.density_kg_per_m3,
         of_region={
             region.lower(): (material_of(vehicle.materials[name]), vehicle.materials[name].density_kg_per_m3)
             for region, name in entry.mesh_materials.items()
@@ -138,13 +138,13 @@ def carried_inertia(mesh: SolidMesh, matter: Matter, centre: FloatArray) -> Floa
     Rotations are about ``centre`` [m].
     """
     force = np.zeros((mesh.n_dof, 6))
-    for one in matter.points:
-        facet = mesh.named_surface(one.surface)
+    for carried in matter.points:
+        facet = mesh.named_surface(carried.surface)
         middle = mesh.node[np.unique(facet)].mean(axis=0)
         traction = _surface_forces(mesh, facet, middle, np.ones(len(facet))[:, None])
         resultant = rigid_motions(mesh.node, middle).T @ traction
-        place = np.array([one.position])
-        needed = one.mass * rigid_motions(place, middle).T @ rigid_motions(place, centre)
+        place = np.array([carried.position])
+        needed = carried.mass * rigid_motions(place, middle).T @ rigid_motions(place, centre)
         force += traction @ np.linalg.solve(resultant, needed)
     if matter.covers:
         facet = mesh.named_surface(EXTERNAL)
@@ -231,13 +231,13 @@ def _inertia_forces(mesh: SolidMesh, density: FloatArray, centre: FloatArray) ->
     degree = MASS_DEGREE[mesh.element_type]
     shape = reference_element(mesh.element_type, degree).shape
     for start in range(0, len(mesh.element), CHUNK):
-        here = slice(start, start + CHUNK)
-        position = mesh.node[mesh.element[here]]
+        chunk = slice(start, start + CHUNK)
+        position = mesh.node[mesh.element[chunk]]
         _, volume = physical_gradients(mesh.element_type, position, degree, start)
         point = np.einsum("qa,eac->eqc", shape, position)
         motion = rigid_motions(point.reshape(-1, 3), centre).reshape(*point.shape, 6)
-        part = np.einsum("e,eq,qa,eqcm->eacm", density[here], volume, shape, motion, optimize=True)
-        np.add.at(force, mesh.element[here], part)
+        part = np.einsum("e,eq,qa,eqcm->eacm", density[chunk], volume, shape, motion, optimize=True)
+        np.add.at(force, mesh.element[chunk], part)
     return force.reshape(-1, 6)
 
 

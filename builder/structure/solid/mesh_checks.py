@@ -73,21 +73,21 @@ def check_mesh(mesh: SolidMesh, length: float | None = None, hollow: bool = True
 def refuse_wrong_scale(mesh: SolidMesh, length: float) -> None:
     """Refuse a mesh whose length along x is not the length of the vehicle [m], to 2 %."""
     x = mesh.node[:, 0]
-    found = float(np.ptp(x))
-    ratio = found / length
+    mesh_length = float(np.ptp(x))
+    ratio = mesh_length / length
     if abs(ratio - 1.0) <= LENGTH_TOLERANCE:
         return
     guess = [unit for unit, metre in KNOWN_UNITS.items() if abs(ratio * metre - 1.0) < 5.0 * LENGTH_TOLERANCE]
     hint = f"; read it with the unit {guess[0]} ({KNOWN_UNITS[guess[0]]:g} m)" if guess else ""
-    raise InputError(f"mesh: {found:.6g} m long in x, the vehicle {length:.6g} m{hint}")
+    raise InputError(f"mesh: {mesh_length:.6g} m long in x, the vehicle {length:.6g} m{hint}")
 
 
 def refuse_unnamed_cavity(mesh: SolidMesh, hollow: bool) -> None:
     """Refuse a mesh without a surface ``internal`` that needs it (``hollow``), or has faces without a name."""
-    found = ", ".join(sorted(mesh.surface))
+    names = ", ".join(sorted(mesh.surface))
     if hollow:
         raise InputError(
-            f"mesh: no surface '{INTERNAL}', found {found}: a profile has a wall round a cavity; a body without "
+            f"mesh: no surface '{INTERNAL}', found {names}: a profile has a wall round a cavity; a body without "
             "one is given by shape.surface and structure.mesh"
         )
     face, _ = boundary_facets(mesh.element_type, mesh.element)
@@ -95,8 +95,8 @@ def refuse_unnamed_cavity(mesh: SolidMesh, hollow: bool) -> None:
     bare = np.delete(np.arange(len(face)), named[named >= 0])
     if len(bare):
         raise InputError(
-            f"mesh: no surface '{INTERNAL}', and {len(bare)} outer faces of elements are on none of {found}, the "
-            f"first at {_at(mesh.node[face[bare[0]]].mean(axis=0))}: name the cavity's '{INTERNAL}'; of a "
+            f"mesh: no surface '{INTERNAL}', and {len(bare)} outer faces of elements are on none of {names}, "
+            f"the first at {_at(mesh.node[face[bare[0]]].mean(axis=0))}: name the cavity's '{INTERNAL}'; of a "
             "body without one every face is on a surface"
         )
 
@@ -312,7 +312,10 @@ def mesh_report(
         (f"elements, {mesh.element_type}", len(mesh.element), ""),
         ("scaled Jacobian, minimum", float(quality.min()), ""),
         ("scaled Jacobian, mean", float(quality.mean()), ""),
-        *((f"worst element at {axis}", float(at), "m") for axis, at in zip("xyz", worst, strict=True)),
+        *(
+            (f"worst element at {axis}", float(coordinate), "m")
+            for axis, coordinate in zip("xyz", worst, strict=True)
+        ),
         ("minimum determinant over mean", float(ratio.min()), ""),
         ("volume", float(volume.sum()), "m3"),
     ]
@@ -327,12 +330,12 @@ def mesh_report(
 
 def _errors(rows: Sequence[Row], exact: Mapping[str, float]) -> list[Row]:
     """Return relative errors of the volume and areas that are known."""
-    found = {what: value for what, value, _ in rows}
+    values = {what: value for what, value, _ in rows}
     label = {name: "volume" if name == "volume" else f"surface {name}, area" for name in exact}
     return [
-        (f"{label[name]}, error", 100.0 * (found[label[name]] / value - 1.0), "%")
+        (f"{label[name]}, error", 100.0 * (values[label[name]] / value - 1.0), "%")
         for name, value in exact.items()
-        if label[name] in found
+        if label[name] in values
     ]
 
 
@@ -362,15 +365,17 @@ def mesh_misfits(mesh: SolidMesh, body: BodyOfRevolution, wall: Wall) -> list[Mi
     Corners of facets are compared: they lie on the surface even where facets are flat.
     """
     outside, inside = _meridian(mesh, EXTERNAL), _meridian(mesh, INTERNAL)
-    found = []
+    misfits = []
     length = float(outside[:, 0].max())
     if abs(length - body.length) > BODY_LENGTH_TOLERANCE * body.length:
-        found.append(Misfit(entry="length of the mesh", expected=f"{body.length:.4g} m", actual=f"{length:.4g} m"))
+        misfits.append(
+            Misfit(entry="length of the mesh", expected=f"{body.length:.4g} m", actual=f"{length:.4g} m")
+        )
     meant = body.radius(np.clip(outside[:, 0], 0.0, body.length))
     off = np.abs(outside[:, 1] - meant)
     if np.percentile(off, 100.0 - OTHER_NODES) > RADIUS_TOLERANCE * body.base_radius:
         worst = int(off.argmax())
-        found.append(
+        misfits.append(
             Misfit(
                 entry=f"outer radius of the mesh at x = {outside[worst, 0]:.4g} m",
                 expected=f"{1e3 * meant[worst]:.4g} mm",
@@ -379,14 +384,14 @@ def mesh_misfits(mesh: SolidMesh, body: BodyOfRevolution, wall: Wall) -> list[Mi
         )
     thickness = wall_thickness(outside, inside)
     if abs(thickness - wall.thickness) > WALL_TOLERANCE * wall.thickness:
-        found.append(
+        misfits.append(
             Misfit(
                 entry="wall thickness of the mesh",
                 expected=f"{1e3 * wall.thickness:.4g} mm",
                 actual=f"{1e3 * thickness:.4g} mm",
             )
         )
-    return found
+    return misfits
 
 
 def wall_thickness(outside: FloatArray, inside: FloatArray) -> float:

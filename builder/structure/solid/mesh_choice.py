@@ -79,16 +79,16 @@ class MeshChoice:
 
     def inputs(self) -> dict[str, Any]:
         """Return all that the mesh depends on besides body and wall, a file by its bytes."""
-        given: dict[str, Any] = {"model": self.model, "unit": self.unit, "by_position": self.by_position}
+        entries: dict[str, Any] = {"model": self.model, "unit": self.unit, "by_position": self.by_position}
         if self.file is not None:
             if not self.file.is_file():
                 raise InputError(f"{self.file}: no such file; a model is '{SWEPT}', '{GMSH}' or a mesh file")
-            given["file"] = sha256(self.file.read_bytes()).hexdigest()
+            entries["file"] = sha256(self.file.read_bytes()).hexdigest()
         if self.model != "imported":
-            given["resolution"] = self.resolution
+            entries["resolution"] = self.resolution
         if self.source == SWEPT:
-            given["layers"] = self.with_layers(RESOLUTIONS[self.resolution]).n_layers
-        return given
+            entries["layers"] = self.with_layers(RESOLUTIONS[self.resolution]).n_layers
+        return entries
 
     def with_layers(self, resolution: SweptResolution) -> SweptResolution:
         """Return a resolution of swept meshes with the layers chosen."""
@@ -118,9 +118,9 @@ def make_mesh(body: BodyOfRevolution, wall: Wall, choice: MeshChoice) -> AnyMesh
     return read_mesh(choice.file, choice.unit, name_by_position=choice.by_position, length=body.length)
 
 
-def check_other(mesh: SolidMesh, other: SolidMesh, path: Path) -> None:
+def check_other(mesh: SolidMesh, second: SolidMesh, path: Path) -> None:
     """Refuse a second mesh, of ``path``, with the elements of the first: their difference would be 0."""
-    if same_elements(mesh, other):
+    if same_elements(mesh, second):
         raise InputError(
             f"structure.checked_by: expected another mesh than the first, got its {len(mesh.element)} elements "
             f"again in '{path.name}'"

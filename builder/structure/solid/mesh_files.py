@@ -169,7 +169,7 @@ def _joined(blocks: list[tuple[IntArray, dict[str, BoolArray]]]) -> NamedCells:
     names = dict.fromkeys(name for _, group in blocks for name in group)
     nowhere = [np.zeros(len(cell), dtype=bool) for cell, _ in blocks]
     group = {
-        name: np.concatenate([own.get(name, none) for (_, own), none in zip(blocks, nowhere, strict=True)])
+        name: np.concatenate([groups.get(name, none) for (_, groups), none in zip(blocks, nowhere, strict=True)])
         for name in names
     }
     return NamedCells(
@@ -182,26 +182,26 @@ def _volume_kind(blocks: Mapping[str, NamedCells]) -> str:
     kinds = {kind: len(block.cell) for kind, block in blocks.items() if kind not in NO_VOLUME}
     if len(kinds) == 1 and next(iter(kinds)) in ELEMENT_TYPE:
         return next(iter(kinds))
-    found = " and ".join(f"{count} {kind}" for kind, count in kinds.items()) or "no volume cells"
+    counts = " and ".join(f"{count} {kind}" for kind, count in kinds.items()) or "no volume cells"
     hint = "; hexahedra of 27 nodes: export the incomplete (serendipity) form" if "hexahedron27" in kinds else ""
-    raise InputError(f"{found} found, must be one kind of {', '.join(ELEMENT_TYPE)}{hint}")
+    raise InputError(f"{counts} found, must be one kind of {', '.join(ELEMENT_TYPE)}{hint}")
 
 
 def _regions(volume: NamedCells) -> tuple[IntArray, tuple[str, ...]]:
     """Return the region (m,) of each element and their names."""
     parts = {name: mask for name, mask in volume.group.items() if not mask.all()}
-    whole = [name for name, mask in volume.group.items() if mask.all() and not name.startswith("group ")]
+    groups_of_all = [name for name, mask in volume.group.items() if mask.all() and not name.startswith("group ")]
     if not parts:
-        return np.zeros(len(volume.cell), dtype=np.int64), (whole[0] if whole else DEFAULT_REGION,)
+        return np.zeros(len(volume.cell), dtype=np.int64), (groups_of_all[0] if groups_of_all else DEFAULT_REGION,)
     membership = np.stack(list(parts.values()))
     count = membership.sum(axis=0)
     if (count == 1).all():
         return membership.argmax(axis=0).astype(np.int64), tuple(parts)
-    if (count == 0).any() and not whole:
+    if (count == 0).any() and not groups_of_all:
         raise InputError(f"{(count == 0).sum()} elements are in none of the groups {sorted(parts)}")
-    if (count > 1).any() and not whole:
+    if (count > 1).any() and not groups_of_all:
         raise InputError(f"{(count > 1).sum()} elements are in several of the groups {sorted(parts)}")
-    return np.zeros(len(volume.cell), dtype=np.int64), (whole[0],)
+    return np.zeros(len(volume.cell), dtype=np.int64), (groups_of_all[0],)
 
 
 def _node_sets(raw: Any) -> dict[str, IntArray]:
@@ -221,12 +221,12 @@ def _surfaces(
     chosen: dict[str, list[IntArray]] = {}
     for kind, block in blocks.items():
         for name, mask in block.group.items() if kind in FACET_CORNERS else ():
-            found = match_facets(element_type, boundary, _corners(kind, block.cell[mask], boundary))
-            if (found < 0).any() and name in (EXTERNAL, INTERNAL, SUPPORT):
+            match = match_facets(element_type, boundary, _corners(kind, block.cell[mask], boundary))
+            if (match < 0).any() and name in (EXTERNAL, INTERNAL, SUPPORT):
                 raise InputError(
-                    f"surface '{name}': {(found < 0).sum()} of {len(found)} facets are not outer faces of elements"
+                    f"surface '{name}': {(match < 0).sum()} of {len(match)} facets are not outer faces of elements"
                 )
-            chosen.setdefault(name, []).append(found[found >= 0])
+            chosen.setdefault(name, []).append(match[match >= 0])
     corner = boundary[:, : 3 if element_type.startswith("tetra") else 4]
     for name in (EXTERNAL, INTERNAL, SUPPORT):
         if name not in chosen and name in node_sets:
@@ -268,7 +268,7 @@ def write_mesh(
     marks = {"region": regions}
     for number, name in enumerate(names, start=1):
         marks[escape(name)] = [
-            np.full(len(cell), at == number, dtype=np.uint8) for at, (_, cell) in enumerate(cells)
+            np.full(len(cell), block == number, dtype=np.uint8) for block, (_, cell) in enumerate(cells)
         ]
     if with_surfaces and len(mesh.region_names) > 1:
         for number, name in enumerate(mesh.region_names):

@@ -92,8 +92,10 @@ def facet_pressure_load(node: FloatArray, facet: IntArray, column: IntArray | No
     force = _facet_forces(ELEMENT_OF_FACET[facet.shape[1]], node[facet])
     row = np.broadcast_to(3 * facet[:, None, :, None] + np.arange(3)[:, None, None], force.shape)
     n_p = len(node) if column is None else int(column.max()) + 1
-    at = np.broadcast_to((facet if column is None else column)[:, None, None, :], force.shape)
-    return csr_array(coo_array((force.ravel(), (row.ravel(), at.ravel())), shape=(3 * len(node), n_p)))
+    pressure_column = np.broadcast_to((facet if column is None else column)[:, None, None, :], force.shape)
+    return csr_array(
+        coo_array((force.ravel(), (row.ravel(), pressure_column.ravel())), shape=(3 * len(node), n_p))
+    )
 
 
 def _facet_forces(element_type: str, position: FloatArray) -> FloatArray:
@@ -151,7 +153,7 @@ def loaded_surface(mesh: AnyMesh) -> tuple[SurfaceMesh, IntArray | None]:
     """Return the external surface as triangles, in the order of the columns of Z_p, and those columns for
     :func:`pressure_load`: of a swept mesh one per node, of others one per side of a sharp edge."""
     if isinstance(mesh, SweptSector):
-        return triangulated_surface(mesh.whole, EXTERNAL), None
+        return triangulated_surface(mesh.full, EXTERNAL), None
     return split_surface(mesh, EXTERNAL)
 
 
@@ -166,9 +168,9 @@ def split_facets(node: FloatArray, facet: IntArray, angle: float = SHARP_EDGE) -
     surface : triangles over the split nodes.
     column : (f, n_f) split node of each node of each facet, for :func:`pressure_load`.
     """
-    whole = SurfaceMesh(node, facet_triangles(facet))
-    split = split_at_edges(whole, angle)
-    if len(split.triangle) != len(whole.triangle):
+    surface = SurfaceMesh(node, facet_triangles(facet))
+    split = split_at_edges(surface, angle)
+    if len(split.triangle) != len(surface.triangle):
         raise InputError("two nodes lie at one place")
     pattern = np.array(_TRIANGLES[facet.shape[1]])
     of_facet = split.triangle.reshape(len(facet), len(pattern), 3)

@@ -42,8 +42,8 @@ def solve(folder: Path, petsc: Any, solver: Any, first: int, last: int) -> None:
     load = np.load(folder / "load.npy", mmap_mode="r")
     n, k = load.shape
     communicator = solver.getComm()
-    own = np.asfortranarray(load[first:last])
-    right = petsc.Mat().createDense(((last - first, n), (petsc.DECIDE, k)), array=own, comm=communicator)
+    part = np.asfortranarray(load[first:last])
+    right = petsc.Mat().createDense(((last - first, n), (petsc.DECIDE, k)), array=part, comm=communicator)
     answer = petsc.Mat().createDense(((last - first, n), (petsc.DECIDE, k)), comm=communicator)
     answer.setUp()
     right.assemble()

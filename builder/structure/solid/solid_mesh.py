@@ -80,7 +80,7 @@ class SolidMesh:
         return "thin_wall" if self.is_swept and self.element_type == HEXAHEDRON else "full"
 
     @property
-    def whole(self) -> SolidMesh:
+    def full(self) -> SolidMesh:
         """The mesh itself; of a sector all of them."""
         return self
 
@@ -91,11 +91,11 @@ class SolidMesh:
         return self.surface[name]
 
 
-def same_elements(one: SolidMesh, other: SolidMesh) -> bool:
+def same_elements(first: SolidMesh, second: SolidMesh) -> bool:
     """Return whether two meshes hold the same elements at the same places, in whatever order."""
-    if one.element_type != other.element_type or one.element.shape != other.element.shape:
+    if first.element_type != second.element_type or first.element.shape != second.element.shape:
         return False
-    return bool(np.array_equal(_elements_in_order(one), _elements_in_order(other)))
+    return bool(np.array_equal(_elements_in_order(first), _elements_in_order(second)))
 
 
 def _elements_in_order(mesh: SolidMesh) -> FloatArray:

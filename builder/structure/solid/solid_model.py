@@ -65,8 +65,8 @@ def update_structure(path: Path, case: SolidCase, reporter: Reporter) -> tuple[S
     if case.solver not in (None, CYCLIC):
         named_back_end(case.solver)  # refused before the long work, not after it
     if before is not None and before.settings["made_from"]["mesh"] != made_from["mesh"]:
-        held = f"{before.model.replace('_', ' ')}, {before.statistics['degrees_of_freedom']} dofs"
-        reporter.note(f"{path}: held {held} of other entries or options; replaced")
+        contents = f"{before.model.replace('_', ' ')}, {before.statistics['degrees_of_freedom']} dofs"
+        reporter.note(f"{path}: held {contents} of other entries or options; replaced")
     structure = solve_solid_structure(case, reporter, before)
     with reporter.stage("Write"):
         save_structure(structure, path)
@@ -96,22 +96,22 @@ def solve_solid_structure(case: SolidCase, reporter: Reporter, before: Structure
     made_from = case.made_from()
     if before is not None and before.settings["made_from"]["mesh"] == made_from["mesh"]:
         reporter.note("mesh: the same as before, its checks are not repeated")
-        found = {key: before.settings[key] for key in ("mesh_report", "locking")}
+        settings = {key: before.settings[key] for key in ("mesh_report", "locking")}
     else:
-        found = _examined(case, reporter)
+        settings = _examined(case, reporter)
     with reporter.stage("Gauges"):
         rows = layout_rows(mesh, case.layouts)
     with reporter.stage("Strain per pressure") as progress:
         solved = solve_strain(mesh, case.matter, case.support, rows, case.solver, progress)
     error, check, against = np.zeros(len(solved.strain_operator)), None, NO_REFERENCE
-    if case.reference is not None or case.other is not None:
+    if case.reference is not None or case.second is not None:
         with reporter.stage("Mesh error") as progress:
             strain = solved.strain_operator @ reference_pressures(surface.point, case.length)
             if case.reference is not None:
                 error, against = largest_amplitude(strain - case.reference()), FOURIER_REFERENCE
-            if case.other is not None:
-                name, other_mesh = case.other
-                check = on_other_mesh(case, other_mesh(case.mesh.whole), progress, name)
+            if case.second is not None:
+                name, other_mesh = case.second
+                check = on_other_mesh(case, other_mesh(case.mesh.full), progress, name)
                 assert check.point is not None
                 on_other = check.strain_operator @ reference_pressures(check.point, case.length)
                 error, against = largest_amplitude(strain - on_other), check.against
@@ -121,13 +121,13 @@ def solve_solid_structure(case: SolidCase, reporter: Reporter, before: Structure
         settings={
             "strainfmu_version": __version__,
             **case.record,
-            **found,
+            **settings,
             "mesh_error_against": against,
             "made_from": made_from,
         },
         statistics={
-            "elements": len(case.mesh.whole.element),
-            "degrees_of_freedom": case.mesh.whole.n_dof,
+            "elements": len(case.mesh.full.element),
+            "degrees_of_freedom": case.mesh.full.n_dof,
             **solved.statistics,
         },
         **gauge_fields(case.layouts),
@@ -148,7 +148,7 @@ def on_other_mesh(
     rows = layout_rows(mesh, case.layouts, near_surface=is_free)
     surface, solver = loaded_surface(mesh)[0], case.solver if is_free else None
     return MeshCheck(
-        against=f"{name} of {mesh.whole.n_dof} dofs",
+        against=f"{name} of {mesh.full.n_dof} dofs",
         factor=1.0,
         strain_operator=solve_strain(mesh, case.matter, case.support, rows, solver, progress).strain_operator,
         point=surface.point,
@@ -160,7 +160,7 @@ def strain_per_force(case: SolidCase) -> tuple[SolidMesh, FloatArray]:
     """Return the whole mesh and the strain (n_d, n_p, 3) [1/N] of all layouts per force at its external nodes."""
     rows = layout_rows(case.mesh, case.layouts)
     solved = solve_strain(case.mesh, case.matter, case.support, rows, case.solver, of_forces=True)
-    return case.mesh.whole, solved.strain_operator.reshape(len(solved.strain_operator), -1, 3)
+    return case.mesh.full, solved.strain_operator.reshape(len(solved.strain_operator), -1, 3)
 
 
 def _examined(case: SolidCase, reporter: Reporter) -> dict[str, Any]:
@@ -168,7 +168,7 @@ def _examined(case: SolidCase, reporter: Reporter) -> dict[str, Any]:
 
     ``locking`` is the share of the wall's bending that is kept, by harmonic; a body without a cavity has no wall.
     """
-    mesh = case.mesh.whole
+    mesh = case.mesh.full
     exact = None if case.body is None else exact_wall(*case.of_revolution)
     with reporter.stage("Mesh checks and report"):
         check_mesh(mesh, case.length, hollow=case.body is not None)

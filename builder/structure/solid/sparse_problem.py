@@ -217,7 +217,11 @@ def symmetric_parts(problem: SparseProblem) -> list[csr_array]:
     One to four matrices (n_free, k) with orthonormal columns, which together span all free motions; the identity
     alone if the nodes, supports or stiffness have no plane of symmetry.
     """
-    reflections = [one for one in (_reflection(problem, sign) for sign in PLANES.values()) if one is not None]
+    reflections = [
+        reflection
+        for reflection in (_reflection(problem, sign) for sign in PLANES.values())
+        if reflection is not None
+    ]
     n = problem.matrix.shape[0]
     if not reflections:
         return [csr_array(eye_array(n))]
@@ -261,13 +265,13 @@ def _basis(n: int, reflections: list[csr_array], parity: tuple[float, ...]) -> c
     projection, first = csr_array(eye_array(n)), np.arange(n)
     for mirror, sign in zip(reflections, parity, strict=True):
         projection = csr_array(0.5 * (projection + sign * (mirror @ projection)))
-    whole = coo_array(projection)
-    np.minimum.at(first, whole.col, whole.row)
+    entries = coo_array(projection)
+    np.minimum.at(first, entries.col, entries.row)
     columns = csr_array(projection[:, np.flatnonzero(first == np.arange(n))])
     norm = np.sqrt(np.asarray(columns.multiply(columns).sum(axis=0)).ravel())
-    kept = np.flatnonzero(norm > 0.25)  # 1/2 to 1 by the number of images; 0 where they cancel
-    scaled = csr_array(columns[:, kept])
-    scaled.data /= norm[kept][scaled.indices]
+    nonzero = np.flatnonzero(norm > 0.25)  # 1/2 to 1 by the number of images; 0 where they cancel
+    scaled = csr_array(columns[:, nonzero])
+    scaled.data /= norm[nonzero][scaled.indices]
     return scaled
 
 

@@ -75,18 +75,18 @@ def _chunks(
     if not (reference_element(mesh.element_type, quadrature).weight > 0.0).all():
         raise InputError(f"quadrature {quadrature} of {mesh.element_type} has weights that are not positive")
     for start in range(0, len(mesh.element), CHUNK):
-        here = slice(start, min(start + CHUNK, len(mesh.element)))
-        gradient, volume = physical_gradients(mesh.element_type, mesh.node[mesh.element[here]], quadrature, start)
+        chunk = slice(start, min(start + CHUNK, len(mesh.element)))
+        gradient, volume = physical_gradients(mesh.element_type, mesh.node[mesh.element[chunk]], quadrature, start)
         m, n_q, _, n_e = gradient.shape
         # Both sides weighted alike, so that the product is symmetric to the last bit or nearly so.
         weighted = (gradient * np.sqrt(volume)[..., None, None]).transpose(0, 1, 3, 2).reshape(m, n_q, 3 * n_e)
         product = (weighted.transpose(0, 2, 1) @ weighted).reshape(m, n_e, 3, n_e, 3)
         dot = np.einsum("eaibi->eab", product)
-        by_lambda, by_mu = lame[here, 0, None, None, None, None], lame[here, 1, None, None, None, None]
+        by_lambda, by_mu = lame[chunk, 0, None, None, None, None], lame[chunk, 1, None, None, None, None]
         stiffness = by_lambda * product + by_mu * product.transpose(0, 1, 4, 3, 2)
         for i in range(3):
-            stiffness[:, :, i, :, i] += lame[here, 1, None, None] * dot
-        yield here, stiffness
+            stiffness[:, :, i, :, i] += lame[chunk, 1, None, None] * dot
+        yield chunk, stiffness
 
 
 def element_stiffness(
@@ -122,8 +122,8 @@ def assemble_stiffness(
     pair, index = np.unique(key, return_inverse=True)
     index = index.reshape(key.shape)
     block = np.zeros((len(pair), 9))
-    for here, part in _chunks(mesh, materials, quadrature):
-        target, column = np.unique(index[here], return_inverse=True)
+    for chunk, part in _chunks(mesh, materials, quadrature):
+        target, column = np.unique(index[chunk], return_inverse=True)
         blocks = part.transpose(0, 1, 3, 2, 4).reshape(-1, 9)
         pointer = np.arange(len(blocks) + 1)
         gather = csc_array((np.ones(len(blocks)), column.ravel(), pointer), shape=(len(target), len(blocks)))

@@ -155,7 +155,7 @@ def solve_strain(
         operator = cyclic.strain_operator(rows, in_sectors, progress)
         return _solution(_along_body_axes(mesh, operator) if of_forces else operator, cyclic)
     solver, flight = _held(mesh, matter, support, solver_name)
-    load = nodal_force_load(mesh.whole, EXTERNAL) if of_forces else _pressure_load(mesh)
+    load = nodal_force_load(mesh.full, EXTERNAL) if of_forces else _pressure_load(mesh)
     operator = strain_operator(rows, solver, load, flight, progress)
     return _solution(operator, solver)
 
@@ -176,30 +176,30 @@ def solve_fields(
     """
     solver, flight = _held(mesh, matter, support, solver_name)
     load, n = _pressure_load(mesh), fields.shape[1]
-    found = np.empty((rows.shape[0], n))
+    strain = np.empty((rows.shape[0], n))
     for first in range(0, n, FIELDS_AT_ONCE):
         block = slice(first, min(first + FIELDS_AT_ONCE, n))
         moved = displacement(solver, load, fields[:, block], flight)
-        found[:, block] = rows @ moved.reshape(len(moved), -1).T
+        strain[:, block] = rows @ moved.reshape(len(moved), -1).T
         if progress is not None:
             progress(block.stop, n)
-    return found
+    return strain
 
 
 def _held(
     mesh: AnyMesh, matter: Matter, support: Support | None, solver_name: str | None
 ) -> tuple[SparseSolver, FreeFlight | None]:
     """Return the solver of the held structure on its full mesh, and the inertia that balances a free flight."""
-    whole = mesh.whole
-    regions = whole.region_names
-    flight = free_flight(whole, matter) if support is None else None
-    held = held_problem(whole, matter.materials(regions), None if support is None else [support])
-    return choose_solver(held, solver_name), flight
+    full = mesh.full
+    regions = full.region_names
+    flight = free_flight(full, matter) if support is None else None
+    problem = held_problem(full, matter.materials(regions), None if support is None else [support])
+    return choose_solver(problem, solver_name), flight
 
 
 def _pressure_load(mesh: AnyMesh) -> csr_array:
     """Return the nodal force (n_dof, n_p) per pressure [m2] on the external surface."""
-    return pressure_load(mesh.whole, EXTERNAL, loaded_surface(mesh)[1])
+    return pressure_load(mesh.full, EXTERNAL, loaded_surface(mesh)[1])
 
 
 def _along_body_axes(sector: SweptSector, operator: FloatArray) -> FloatArray:

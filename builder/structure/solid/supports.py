@@ -101,8 +101,8 @@ class Restraint:
         n_free = self.free.shape[1]
         if np.array_equal(self.free.indices, np.arange(n_free)) and (self.free.data == 1.0).all():
             # Unit vectors in the order of dofs: rows and columns of the matrix, ten times faster to pick.
-            kept = np.flatnonzero(np.diff(self.free.indptr))
-            return csr_array(total[kept][:, kept])
+            rows = np.flatnonzero(np.diff(self.free.indptr))
+            return csr_array(total[rows][:, rows])
         return csr_array(self.free.T @ total @ self.free)
 
 
@@ -132,23 +132,23 @@ def free_motions(n_nodes: int, node: IntArray, direction: FloatArray) -> csr_arr
     -------
     (3 n_nodes, n_free) orthonormal columns.
     """
-    held, index = np.unique(node, return_inverse=True)
-    gram = np.zeros((len(held), 3, 3))
+    held_node, index = np.unique(node, return_inverse=True)
+    gram = np.zeros((len(held_node), 3, 3))
     np.add.at(gram, index, direction[:, :, None] * direction[:, None, :])
     strength, vector = np.linalg.eigh(gram)
     which, column = np.nonzero(strength < DISTINCT_DIRECTIONS)
     largest = np.take_along_axis(vector, np.abs(vector).argmax(axis=1, keepdims=True), axis=1)
     vector *= np.sign(largest)  # one of two signs, so that unit vectors are positive
-    loose = np.setdiff1d(np.arange(n_nodes), held)
+    loose = np.setdiff1d(np.arange(n_nodes), held_node)
     n_loose = 3 * len(loose)
     row = np.concatenate(
-        [(3 * loose[:, None] + np.arange(3)).ravel(), (3 * held[which][:, None] + np.arange(3)).ravel()]
+        [(3 * loose[:, None] + np.arange(3)).ravel(), (3 * held_node[which][:, None] + np.arange(3)).ravel()]
     )
     position = np.concatenate([np.arange(n_loose), np.repeat(n_loose + np.arange(len(which)), 3)])
     entry = np.concatenate([np.ones(n_loose), vector[which, :, column].ravel()])
     # Columns in the order of nodes: a factorisation's ordering starts from it.
     rank = np.empty(n_loose + len(which), dtype=np.int64)
-    first = np.concatenate([row[:n_loose], 3 * held[which] + column])
+    first = np.concatenate([row[:n_loose], 3 * held_node[which] + column])
     rank[np.argsort(first, kind="stable")] = np.arange(len(rank))
     free = csr_array((entry, (row, rank[position])), shape=(3 * n_nodes, len(rank)))
     free.eliminate_zeros()
@@ -188,8 +188,8 @@ def _refuse_rigid_motion(mesh: SolidMesh, node: IntArray, direction: FloatArray,
     centre = mesh.node[used].mean(axis=0)
     size = np.abs(mesh.node[used] - centre).max()
     rigid = rigid_motions(mesh.node, centre) / np.array([1.0, 1.0, 1.0, size, size, size])
-    held = np.einsum("kc,kcm->km", direction, rigid.reshape(-1, 3, 6)[node])
-    hold = held.T @ held
+    held_motion = np.einsum("kc,kcm->km", direction, rigid.reshape(-1, 3, 6)[node])
+    hold = held_motion.T @ held_motion
     if added.nnz:
         springs = rigid.T @ (added @ rigid)
         hold += springs / np.trace(springs)

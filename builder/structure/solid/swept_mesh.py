@@ -81,7 +81,7 @@ class SweptSector:
         return 3 * len(self.node)
 
     @cached_property
-    def whole(self) -> SolidMesh:
+    def full(self) -> SolidMesh:
         """All sectors."""
         return full_mesh(self)
 
@@ -359,10 +359,10 @@ def _places(
 
 def _inward(body: SectionedBody, wall: Wall, x: FloatArray, roll: FloatArray) -> FloatArray:
     """Return the vectors (n, 3) [m] in the plane x = const from the inner to the outer surface."""
-    ahead, behind = body.normal(x, roll, -1.0), body.normal(x, roll, 1.0)
+    ahead, aft = body.normal(x, roll, -1.0), body.normal(x, roll, 1.0)
     at_end = x >= body.length * (1.0 - 1e-9)
-    behind[at_end] = ahead[at_end]
-    normal = ahead + behind
+    aft[at_end] = ahead[at_end]
+    normal = ahead + aft
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     across = normal.copy()
     across[:, 0] = 0.0

@@ -137,7 +137,7 @@ def test_sector_blocks_are_those_of_the_whole_stiffness() -> None:
     blocks = sector_stiffness(one, {REGION: METAL})
     field = np.random.default_rng(0).normal(size=(8, one.n_dof))
     shifted = [np.roll(field, step, axis=0).T for step in (0, -1, 1)]
-    in_frames = blocks.here @ shifted[0] + blocks.after @ shifted[1] + blocks.before @ shifted[2]
+    in_frames = blocks.within @ shifted[0] + blocks.after @ shifted[1] + blocks.before @ shifted[2]
     turns = np.stack([one.rotation(s) for s in range(8)])
 
     def to_body(vector: np.ndarray) -> np.ndarray:

@@ -97,10 +97,10 @@ def test_sector_blocks_are_those_of_the_whole_mesh() -> None:
     sector = tube(0.2, 0.12, 0.13, 0.05, 8)
     mesh = full_mesh(sector)
     load = pressure_operator(sector, EXTERNAL)
-    pressure = np.random.default_rng(2).normal(size=(8, load.here.shape[1]))
+    pressure = np.random.default_rng(2).normal(size=(8, load.within.shape[1]))
     blocks = [pressure.T, np.roll(pressure, -1, axis=0).T, np.roll(pressure, 1, axis=0).T]
     in_frames = sum(
-        matrix @ part for matrix, part in zip((load.here, load.after, load.before), blocks, strict=True)
+        matrix @ part for matrix, part in zip((load.within, load.after, load.before), blocks, strict=True)
     )
     turns = np.stack([sector.rotation(s) for s in range(8)])
     in_body = np.einsum("sij,snj->sni", turns, np.asarray(in_frames).T.reshape(8, -1, 3)).ravel()

@@ -223,8 +223,8 @@ def free_problem(shift: float = 0.0) -> CyclicProblem:
     sector = tube(0.2, RADIUS, 0.13, 0.05, 12)
     stiffness = sector_stiffness(sector, MATERIALS)
     unit = eye_array(sector.n_dof, format="csr")
-    here = csr_array(stiffness.here + shift * stiffness.here.diagonal().max() * unit)
-    return CyclicProblem(sector, replace(stiffness, here=here), unit)
+    here = csr_array(stiffness.within + shift * stiffness.within.diagonal().max() * unit)
+    return CyclicProblem(sector, replace(stiffness, within=here), unit)
 
 
 @pytest.mark.parametrize("shift", [0.0, -1e-6, -1e-2])
