@@ -179,16 +179,16 @@ class AsBuiltStructure(BuiltStructure):
         """Return Z_p (n_d, n_p) [1/Pa]: reading, without zeros, per pressure at every node of ``surface``."""
         if self.in_flight is not None:
             return self.in_flight.strain_operator(parameters)
-        found = self.on_wall.parts(self.pressure, parameters, self._thickness(parameters))
-        return operator_of(found, parameters, self.surface)
+        gauges = self.on_wall.parts(self.pressure, parameters, self._thickness(parameters))
+        return operator_of(gauges, parameters, self.surface)
 
-    def flight_gauges(self, built: AsBuilt, n_harmonics: int) -> FlightGauges:
-        """Return the gauges of a vehicle as ``built``, at harmonics 0 to ``n_harmonics``.
+    def flight_gauges(self, as_built: AsBuilt, n_harmonics: int) -> FlightGauges:
+        """Return the gauges of a vehicle ``as_built``, at harmonics 0 to ``n_harmonics``.
 
         That holds for an uneven wall as well, whose strain goes round the body otherwise than the pressure does.
         """
         grid, n_d, m = self.surface, self.n_gauges, np.arange(n_harmonics + 1)
-        operator = self.strain_operator(built).reshape(n_d, len(grid.x), grid.n_roll)
+        operator = self.strain_operator(as_built).reshape(n_d, len(grid.x), grid.n_roll)
         angle = np.outer(grid.roll_angle, m)
         cosine, sine = (np.moveaxis(operator @ wave(angle), 1, 2) for wave in (np.cos, np.sin))
         c, s = (wave(np.outer(self.placed.roll_angle, m))[:, :, None] for wave in (np.cos, np.sin))
@@ -196,10 +196,10 @@ class AsBuiltStructure(BuiltStructure):
             names=self.gauges.names,
             roll_angle=self.placed.roll_angle,
             response=np.stack([cosine * c + sine * s, cosine * s - sine * c], axis=-1),
-            apparent=built.zero,
+            apparent=as_built.zero,
             per_ambient=np.zeros(n_d),
             per_dynamic=np.zeros(n_d),
-            record={kind.name: getattr(built, kind.name).tolist() for kind in AS_BUILT},
+            record={kind.name: getattr(as_built, kind.name).tolist() for kind in AS_BUILT},
         )
 
     def response(self, load: Load) -> LoadResponse:
@@ -251,7 +251,9 @@ class AsBuiltStructure(BuiltStructure):
         It costs a fortieth of :meth:`response`.
         """
         split, wall = self.states.rows.split, self.states.forces[0]
-        amplitude = np.stack([self.states.nominal.strain(split(nodal_force(wall, one))) for one in loads], axis=1)
+        amplitude = np.stack(
+            [self.states.nominal.strain(split(nodal_force(wall, load))) for load in loads], axis=1
+        )
         constant = np.zeros((len(loads), self.n_gauges))
         return LoadResponse(table=nominal_table(amplitude, self.n_regions), constant=constant)
 
@@ -274,12 +276,14 @@ class AsBuiltStructure(BuiltStructure):
         states, split = self.states, self.states.rows.split
         even, thin, thick = states.forces
         force = nodal_force(even, load)
-        whole = split(force)
+        total = split(force)
         within = isinstance(load, WITHIN_THE_WALL) or (isinstance(load, SurfacePressure) and load.surface == INNER)
-        lighter, heavier = ([nodal_force(one, load) for one in part] if within else [] for part in (thin, thick))
-        amplitude, uneven_load, region_mass = states.nominal.strain(whole), None, None
+        lighter, heavier = (
+            [nodal_force(structure, load) for structure in part] if within else [] for part in (thin, thick)
+        )
+        amplitude, uneven_load, region_mass = states.nominal.strain(total), None, None
         of_wall, of_square = (
-            np.array([one.strain(whole) for one in part]) for part in (states.wall, states.wall_twice)
+            np.array([adjoint.strain(total) for adjoint in part]) for part in (states.wall, states.wall_twice)
         )
         if within:
             if len(of_wall):
@@ -290,24 +294,26 @@ class AsBuiltStructure(BuiltStructure):
             uneven_load = np.moveaxis(np.array(strain), 0, 2)
         if isinstance(load, OF_MASS):
             share = self.regions.mass_share(even.mesh.node[:, 0]).T[:, :, None]
-            region_mass = np.array([states.nominal.strain(split(one * force)) for one in share])
+            region_mass = np.array(
+                [states.nominal.strain(split(part_of_region * force)) for part_of_region in share]
+            )
         table = _table(
             amplitude,
-            (states.fore.strain(whole), states.aft.strain(whole)),
+            (states.fore.strain(total), states.aft.strain(total)),
             (of_wall, of_square),
             np.array(
                 [
-                    [one.strain(part) for part in (whole, split(rolled_quarter(force, wave)))]
-                    for wave, one in zip(WAVES, states.uneven, strict=True)
+                    [adjoint.strain(part) for part in (total, split(rolled_quarter(force, wave)))]
+                    for wave, adjoint in zip(WAVES, states.uneven, strict=True)
                 ]
             ),
-            np.array([one.strain(whole) for one in states.soft]),
+            np.array([adjoint.strain(total) for adjoint in states.soft]),
             states.station[self.at_break],
         )
         constant = np.zeros(self.n_gauges)
         if isinstance(load, TemperatureField):
-            at = load.at(self.placed.x, self.placed.roll_angle, np.zeros(self.n_gauges))
-            constant = -np.asarray(even.properties.compensation * at)
+            temperature = load.at(self.placed.x, self.placed.roll_angle, np.zeros(self.n_gauges))
+            constant = -np.asarray(even.properties.compensation * temperature)
         return LoadResponse(
             table=replace(table, uneven_load=uneven_load, region_mass=region_mass),
             constant=constant,
@@ -329,9 +335,9 @@ class AsBuiltStructure(BuiltStructure):
                 + size * (first.strain(force) + size * second.strain(force))
                 for size, force in zip((-WALL_STEP, WALL_STEP), map(split, forces), strict=True)
             )
-            here = even[:, : thin.shape[1]]
+            even_part = even[:, : thin.shape[1]]
             by_wall.append((thick - thin) / (2.0 * WALL_STEP))
-            by_square.append((thick - 2.0 * here + thin) / (2.0 * WALL_STEP**2))
+            by_square.append((thick - 2.0 * even_part + thin) / (2.0 * WALL_STEP**2))
         return np.array(by_wall), np.array(by_square)
 
     def _thickness_that_changes(self, parameters: AsBuilt, keys: Sequence[Key]) -> FloatArray:
@@ -343,14 +349,15 @@ class AsBuiltStructure(BuiltStructure):
 
     def _thickness(self, parameters: AsBuilt) -> FloatArray:
         """Return (2 n_r,) thickness and taper of the regions over those that were solved for."""
-        one, other = (
-            np.concatenate([built.wall_thickness, built.wall_taper]) for built in (parameters, self.solved)
+        wanted, known = (
+            np.concatenate([parameters_of.wall_thickness, parameters_of.wall_taper])
+            for parameters_of in (parameters, self.solved)
         )
-        if not len(self.states.wall) and np.abs(one - other).max() > 1e-12:
+        if not len(self.states.wall) and np.abs(wanted - known).max() > 1e-12:
             raise InputError("this structure was solved for one wall; its thickness cannot change")
         if not self.has_moduli and parameters.region_modulus.any():
             raise InputError("this structure was solved for one modulus; calibration.region_modulus_percent is 0")
-        return np.asarray(one - other)
+        return np.asarray(wanted - known)
 
 
 def refuse_unheld(vehicle: Vehicle, layout: str) -> None:
@@ -404,11 +411,11 @@ def as_built_structure(
         drawing = shell_mesh(supported.body(), wall, 1e-3 * mapped.element_length_mm, mapped.wall_layers)
         layouts, all_placed = place_layouts(supported, drawing, [layout])
         placed, mesh = all_placed[layout], drawing
-        built = exactly_built(counts_of_wall(supported, placed.roll_angle))
+        errors = exactly_built(counts_of_wall(supported, placed.roll_angle))
         if known_thickness is not None:
             taper = np.zeros(len(regions)) if known_taper is None else np.asarray(known_taper, dtype=float)
-            built = built.changed(wall_thickness=known_thickness, wall_taper=taper)
-            mesh = thickened(drawing, wall, regions, built.wall_thickness, taper)
+            errors = errors.changed(wall_thickness=known_thickness, wall_taper=taper)
+            mesh = thickened(drawing, wall, regions, errors.wall_thickness, taper)
         at_gauge = inner_surface_points(drawing, placed.x)
         grid = surface or surface_grid(supported.body(), mapped.surface_stations, mapped.surface_roll_angles)
         states = wall_states(
@@ -437,7 +444,7 @@ def as_built_structure(
             on_wall=WallGauges(
                 placed=placed, radius=at_gauge.radius, row=rows_of(placed.roll_angle), station=states.station
             ),
-            solved=built,
+            solved=errors,
             states=states,
             pressure=_pressure_table(states, grid, mapped.harmonics + 1, near),
             at_break=near,
@@ -447,20 +454,22 @@ def as_built_structure(
 
     if vehicle.structure.support != "free_flight":
         return solve(vehicle)
-    held = vehicle.structure.model_copy(update={"support": "clamped_aft", "covers": [], "point_masses": []})
-    on_ground, in_flight = solve(vehicle.model_copy(update={"structure": held})), solve(vehicle)
+    on_ground_entries = vehicle.structure.model_copy(
+        update={"support": "clamped_aft", "covers": [], "point_masses": []}
+    )
+    on_ground, in_flight = solve(vehicle.model_copy(update={"structure": on_ground_entries})), solve(vehicle)
     return replace(on_ground, in_flight=in_flight, _mesh_error=in_flight._mesh_error)
 
 
-def with_surface_of(structure: AsBuiltStructure, other: AsBuiltStructure) -> AsBuiltStructure:
-    """Return ``structure`` with pressure nodes, harmonics of the pressure and mesh error of ``other``."""
+def with_surface_of(structure: AsBuiltStructure, flown: AsBuiltStructure) -> AsBuiltStructure:
+    """Return ``structure`` with pressure nodes, harmonics of the pressure and mesh error of ``flown``."""
     return replace(
         structure,
-        surface=other.surface,
+        surface=flown.surface,
         pressure=_pressure_table(
-            structure.states, other.surface, other.pressure.nominal.shape[-3], structure.at_break
+            structure.states, flown.surface, flown.pressure.nominal.shape[-3], structure.at_break
         ),
-        _mesh_error=other._mesh_error,
+        _mesh_error=flown._mesh_error,
     )
 
 
@@ -509,16 +518,19 @@ def _pressure_table(states: WallStates, grid: SurfaceGrid, n_m: int, at_break: B
     load = pressure_load(mesh, grid.x).toarray().reshape(len(mesh.node), 3, -1)[states.rows.outer]
     load = load.reshape(-1, load.shape[-1])
 
-    def of(state: Adjoint) -> FloatArray:
+    def amplitudes(state: Adjoint) -> FloatArray:
         outer = state.outer[..., :n_m, :, :, :]
         return np.moveaxis(outer @ load, -1, -4)
 
-    uneven = np.stack([of(one) for one in states.uneven])
+    uneven = np.stack([amplitudes(state) for state in states.uneven])
     return _table(
-        of(states.nominal),
-        (of(states.fore), of(states.aft)),
-        (np.array([of(one) for one in states.wall]), np.array([of(one) for one in states.wall_twice])),
+        amplitudes(states.nominal),
+        (amplitudes(states.fore), amplitudes(states.aft)),
+        (
+            np.array([amplitudes(state) for state in states.wall]),
+            np.array([amplitudes(state) for state in states.wall_twice]),
+        ),
         np.broadcast_to(uneven[:, None], (uneven.shape[0], 2, *uneven.shape[1:])),
-        np.array([of(one) for one in states.soft]),
+        np.array([amplitudes(state) for state in states.soft]),
         states.station[at_break],
     )

@@ -66,28 +66,30 @@ class AsBuilt:
     errors: Mapping[str, FloatArray]
 
     def __post_init__(self) -> None:
-        found = {}
+        values = {}
         for kind in (*AS_BUILT, *IN_FLIGHT):
             size = self.counts.of(kind)
             value = np.asarray(self.errors.get(kind.name, np.zeros(size)), dtype=float)
             if not value.ndim or value.shape[-1] not in {1, size, self.counts.gauge}:
                 raise InputError(f"{kind.name}: expected ({size},) values, got {value.shape}")
-            found[kind.name] = value
-        unknown = sorted(set(self.errors) - set(found))
+            values[kind.name] = value
+        unknown = sorted(set(self.errors) - set(values))
         if unknown:
-            raise InputError(f"vehicle as built: expected kinds {', '.join(found)}, got {', '.join(unknown)}")
-        object.__setattr__(self, "errors", found)
+            raise InputError(f"vehicle as built: expected kinds {', '.join(values)}, got {', '.join(unknown)}")
+        object.__setattr__(self, "errors", values)
 
     def __getattr__(self, name: str) -> FloatArray:
         try:
-            found: FloatArray = self.__dict__["errors"][name]
+            value: FloatArray = self.__dict__["errors"][name]
         except KeyError:
             raise AttributeError(name) from None
-        return found
+        return value
 
     def changed(self, **errors: ArrayLike) -> AsBuilt:
         """Return the vehicle with other errors of some kinds; one number is for all."""
-        return AsBuilt(self.counts, {**self.errors, **{name: np.atleast_1d(one) for name, one in errors.items()}})
+        return AsBuilt(
+            self.counts, {**self.errors, **{name: np.atleast_1d(value) for name, value in errors.items()}}
+        )
 
     def one_of(self, number: int) -> AsBuilt:
         """Return vehicle ``number`` of many."""
@@ -97,9 +99,9 @@ class AsBuilt:
 
     def of_some(self, gauges: slice) -> AsBuilt:
         """Return the vehicle with some of its ``gauges`` alone."""
-        own = {kind.name for kind in (*AS_BUILT, *IN_FLIGHT) if kind.extent == "gauge"}
+        of_gauge = {kind.name for kind in (*AS_BUILT, *IN_FLIGHT) if kind.extent == "gauge"}
         parts = {
-            name: value[..., gauges] if name in own and value.shape[-1] > 1 else value
+            name: value[..., gauges] if name in of_gauge and value.shape[-1] > 1 else value
             for name, value in self.errors.items()
         }
         return AsBuilt(self.counts._replace(gauge=len(range(self.counts.gauge)[gauges])), parts)
@@ -146,20 +148,22 @@ def _sizes(counts: Counts) -> dict[str, int]:
 
 def slices(counts: Counts) -> dict[str, slice]:
     """Return where each kind stands in the vector."""
-    found, start = {}, 0
+    places, start = {}, 0
     for kind, size in _sizes(counts).items():
-        found[kind] = slice(start, start + size)
+        places[kind] = slice(start, start + size)
         start += size
-    return found
+    return places
 
 
 def parameter_names(gauge_names: Sequence[str], counts: Counts) -> tuple[str, ...]:
     """Return a name for every entry of the vector."""
-    of: dict[str, Sequence[str]] = {
+    names_of: dict[str, Sequence[str]] = {
         extent: [f"{extent} {k + 1}" for k in range(count)] for extent, count in counts._asdict().items()
     }
-    of["gauge"] = gauge_names
-    return tuple(f"{kind.in_words} {one}".rstrip() for kind in AS_BUILT for one in of.get(kind.extent, [""]))
+    names_of["gauge"] = gauge_names
+    return tuple(
+        f"{kind.in_words} {which}".rstrip() for kind in AS_BUILT for which in names_of.get(kind.extent, [""])
+    )
 
 
 def in_words(kind: str) -> str:
@@ -232,7 +236,7 @@ def places_of(keys: Sequence[Key], counts: Counts) -> IntArray:
     """Return (n_d, n_keys) where the parameters of ``keys`` that each gauge reads with stand in the vector."""
     gauge, where = np.arange(counts.gauge), slices(counts)
     numbers = [gauge if of_gauges(key) else np.full_like(gauge, key[1]) for key in keys]
-    return np.stack([where[kind].start + at for (kind, _), at in zip(keys, numbers, strict=True)], axis=1)
+    return np.stack([where[kind].start + number for (kind, _), number in zip(keys, numbers, strict=True)], axis=1)
 
 
 def parameter_derivatives(
@@ -255,7 +259,7 @@ def parameter_derivatives(
 def slope_by_factor(
     kind: str,
     reading: FloatArray,
-    built: AsBuilt,
+    as_built: AsBuilt,
     by_stress: FloatArray | float = 1.0,
     by_mass: FloatArray | float | None = None,
 ) -> FloatArray | None:
@@ -267,13 +271,13 @@ def slope_by_factor(
     by_stress, by_mass : 1 where strain goes with 1 / E, and with the mass, 0 where not; None where not known.
     """
     if kind == "gauge_gain":
-        return times_gauges(reading, 1.0 / (1.0 + built.gauge_gain))
+        return times_gauges(reading, 1.0 / (1.0 + as_built.gauge_gain))
     if kind == "common_gain":
-        return reading / (1.0 + built.common_gain[0])
+        return reading / (1.0 + as_built.common_gain[0])
     if kind == "youngs_modulus":
-        return -reading * by_stress / (1.0 + built.youngs_modulus[0] * by_stress)
+        return -reading * by_stress / (1.0 + as_built.youngs_modulus[0] * by_stress)
     if kind == "mass" and by_mass is not None:
-        return reading * by_mass / (1.0 + built.mass[0] * by_mass)
+        return reading * by_mass / (1.0 + as_built.mass[0] * by_mass)
     return None
 
 

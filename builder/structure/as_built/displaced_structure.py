@@ -75,19 +75,19 @@ KNOWN = (
 """Kinds that these act by; the pressure's and the readings' own come besides."""
 
 
-def ways_of(own: FloatArray, moved: Callable[[str], FloatArray] | None) -> FloatArray:
-    """Return the parts (n_w, n_d, ..) of :data:`WAYS` from the strain ``own`` (n_d, ..) of gauges in place.
+def ways_of(in_place: FloatArray, moved: Callable[[str], FloatArray] | None) -> FloatArray:
+    """Return the parts (n_w, n_d, ..) of :data:`WAYS` from the strain ``in_place`` (n_d, ..) of gauges in place.
 
     ``moved`` returns the strain of gauges displaced in a way; None where no gauge is.
     """
-    found = np.zeros((WAYS, *own.shape))
-    found[0] = own
+    parts = np.zeros((WAYS, *in_place.shape))
+    parts[0] = in_place
     if moved is not None:
-        found[1] = (moved(AFT) - moved(FORE)) / (2.0 * STEP)
-        found[2] = (moved(AROUND) - moved(BACK)) / (2.0 * STEP)
-        found[3] = moved(TURNED_AROUND) - moved(TURNED_BACK)
-        found[4] = moved(TURNED_AROUND) + moved(TURNED_BACK) - own  # normals at right angles add up alike
-    return found
+        parts[1] = (moved(AFT) - moved(FORE)) / (2.0 * STEP)
+        parts[2] = (moved(AROUND) - moved(BACK)) / (2.0 * STEP)
+        parts[3] = moved(TURNED_AROUND) - moved(TURNED_BACK)
+        parts[4] = moved(TURNED_AROUND) + moved(TURNED_BACK) - in_place  # normals at right angles add up alike
+    return parts
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,16 +111,16 @@ class DisplacedGauges:
         """(n_d,) number of the row of each gauge: those at one roll angle."""
         return rows_of(self.roll_angle)
 
-    def as_built(self, parts: FloatArray, built: AsBuilt) -> FloatArray:
-        """Return (.., n_d) what gauges as ``built`` read, from ``parts`` (n_w, .., n_d), see :data:`WAYS`.
+    def as_built(self, parts: FloatArray, as_built: AsBuilt) -> FloatArray:
+        """Return (.., n_d) what gauges ``as_built`` read, from ``parts`` (n_w, .., n_d), see :data:`WAYS`.
 
         Of v vehicles at once, ``parts`` are (n_w, 1, n_d) or (n_w, n_d).
         """
-        around = built.circumferential_shift + built.layout_roll * self.radius
-        turn = turn_of(built, self.row)
-        moved = parts[0] + built.axial_shift * parts[1] + around * parts[2] + turn * parts[3]
-        moved = moved + built.transverse_sensitivity * parts[4]
-        return np.asarray(gain_of(built) / (1.0 + built.of_all("wall_thickness")) * moved)
+        around = as_built.circumferential_shift + as_built.layout_roll * self.radius
+        turn = turn_of(as_built, self.row)
+        moved = parts[0] + as_built.axial_shift * parts[1] + around * parts[2] + turn * parts[3]
+        moved = moved + as_built.transverse_sensitivity * parts[4]
+        return np.asarray(gain_of(as_built) / (1.0 + as_built.of_all("wall_thickness")) * moved)
 
 
 def refuse_others(noise: Noise) -> None:
@@ -205,9 +205,9 @@ class DisplacedStructure(BuiltStructure):
 
     def prior(self, entry: Calibration) -> AsBuilt:
         """Return the standard deviations before a test; the wall's thickness is part of each gauge's gain."""
-        found, varied = as_built_std(entry, self.counts), {kind for kind, _ in self.solved_keys}
+        std, varied = as_built_std(entry, self.counts), {kind for kind, _ in self.solved_keys}
         fixed = {kind.name: 0.0 for kind in AS_BUILT if kind.name not in varied | {ZERO}}
-        return found.changed(gauge_gain=np.hypot(found.gauge_gain, found.wall_thickness), **fixed)
+        return std.changed(gauge_gain=np.hypot(std.gauge_gain, std.wall_thickness), **fixed)
 
     def strain_operator(self, parameters: AsBuilt) -> FloatArray:
         """Return Z_p (n_d, n_p) [1/Pa]: reading, without zeros, per pressure at every node of ``surface``."""
@@ -227,16 +227,19 @@ class DisplacedStructure(BuiltStructure):
         if isinstance(load, ApparentStrain):
             return DisplacedResponse(ways_of(none, None), none + load.strain)
         if load not in self._responses:
-            own, *displaced = self.loaded.strain(nodal_force(self.loaded, load)).reshape(-1, self.n_gauges)
+            in_place, *displaced = self.loaded.strain(nodal_force(self.loaded, load)).reshape(-1, self.n_gauges)
             by_way = dict(zip(DISPLACED, displaced, strict=False))
-            self._responses[load] = DisplacedResponse(ways_of(own, by_way.__getitem__ if by_way else None), none)
+            self._responses[load] = DisplacedResponse(
+                ways_of(in_place, by_way.__getitem__ if by_way else None), none
+            )
         return self._responses[load]
 
     def responses(self, loads: Sequence[Load]) -> DisplacedResponse:
         """Return the responses of loads as one, with the readings (n_loads, n_d) of every load."""
-        found = [self.response(load) for load in loads]
+        responses = [self.response(load) for load in loads]
         return DisplacedResponse(
-            np.stack([one.parts for one in found], axis=1), np.stack([one.constant for one in found])
+            np.stack([response.parts for response in responses], axis=1),
+            np.stack([response.constant for response in responses]),
         )
 
     nominal_response = responses
@@ -251,8 +254,8 @@ class DisplacedStructure(BuiltStructure):
         """Return the readings (n_d, n_loads) [m/m] under the loads of ``response``, and their derivatives by
         ``keys``."""
 
-        def strain(built: AsBuilt) -> FloatArray:
-            return self._read(response.parts, built).T
+        def strain(as_built: AsBuilt) -> FloatArray:
+            return self._read(response.parts, as_built).T
 
         return self.response_strain(parameters, response).T, parameter_derivatives(strain, parameters, keys)
 
@@ -271,11 +274,11 @@ class DisplacedStructure(BuiltStructure):
         def moved(how: str) -> FloatArray:
             return self.mapped.strain_operator(displaced_name(self.layout, how))
 
-        own = self.mapped.strain_operator(self.layout)
-        return ways_of(own, moved if self._is_moved else None).transpose(0, 2, 1)
+        in_place = self.mapped.strain_operator(self.layout)
+        return ways_of(in_place, moved if self._is_moved else None).transpose(0, 2, 1)
 
-    def _read(self, parts: FloatArray, built: AsBuilt) -> FloatArray:
-        return self._displaced.as_built(parts, built) / (1.0 + built.youngs_modulus)
+    def _read(self, parts: FloatArray, as_built: AsBuilt) -> FloatArray:
+        return self._displaced.as_built(parts, as_built) / (1.0 + as_built.youngs_modulus)
 
 
 AnyAsBuilt = AsBuiltStructure | DisplacedStructure
@@ -313,11 +316,13 @@ def displaced_structure(vehicle: Vehicle, mapped: MappedStructure) -> DisplacedS
     layout = vehicle.gauges.layout
     influence, columns = influence_of(vehicle)
     moved = [displaced_name(layout, how) for how in DISPLACED]
-    whole = [layout, *(moved if all(name in columns and name in mapped.operators for name in moved) else [])]
+    layouts = [layout, *(moved if all(name in columns and name in mapped.operators for name in moved) else [])]
     if layout not in mapped.layouts or mapped.layouts[layout].names != columns[layout]:
         raise InputError(f"structure: expected the gauges of layout '{layout}', got others; build it again")
-    rows: IntArray = np.array([influence.column.index(name) for one in whole for name in columns[one]])
-    position = np.tile(mapped.layouts[layout].position, (len(whole), 1))
+    rows: IntArray = np.array(
+        [influence.column.index(name) for name_of_layout in layouts for name in columns[name_of_layout]]
+    )
+    position = np.tile(mapped.layouts[layout].position, (len(layouts), 1))
     loaded = InfluenceStructure(
         node=influence.node,
         facet=influence.facet,

@@ -92,48 +92,50 @@ class WallGauges:
             placed=placed, radius=self.radius[gauges], row=self.row[gauges], station=self.station[gauges]
         )
 
-    def roll_angle(self, built: AsBuilt) -> FloatArray:
+    def roll_angle(self, as_built: AsBuilt) -> FloatArray:
         """Return (.., n_d) where the gauges are [rad]."""
-        return np.asarray(self.placed.roll_angle + built.layout_roll + built.circumferential_shift / self.radius)
+        return np.asarray(
+            self.placed.roll_angle + as_built.layout_roll + as_built.circumferential_shift / self.radius
+        )
 
-    def direction_weights(self, built: AsBuilt) -> tuple[FloatArray, FloatArray]:
+    def direction_weights(self, as_built: AsBuilt) -> tuple[FloatArray, FloatArray]:
         """Return what a gauge makes of meridional and hoop strain (.., n_d, 2), and of shear (.., n_d).
 
         It reads strain along itself and, times its transverse sensitivity, across.
         """
-        c, s = self._direction(built)
-        across = built.transverse_sensitivity
+        c, s = self._direction(as_built)
+        across = as_built.transverse_sensitivity
         normal = np.stack([c * c + across * s * s, s * s + across * c * c], axis=-1)
         return normal, 2.0 * c * s * (1.0 - across)
 
-    def direction_slopes(self, built: AsBuilt) -> dict[str, tuple[FloatArray, FloatArray]]:
+    def direction_slopes(self, as_built: AsBuilt) -> dict[str, tuple[FloatArray, FloatArray]]:
         """Return the derivatives of :meth:`direction_weights` of one vehicle, by the turn of the gauge and by its
         transverse sensitivity."""
-        c, s = self._direction(built)
-        less = 1.0 - built.transverse_sensitivity
+        c, s = self._direction(as_built)
+        less = 1.0 - as_built.transverse_sensitivity
         both = 2.0 * c * s * less
         by_turn = np.stack([-both, both], axis=-1), 2.0 * (c * c - s * s) * less
         by_across = np.stack([s * s, c * c], axis=-1), -2.0 * c * s
         return {"orientation": by_turn, "row_orientation": by_turn, "transverse_sensitivity": by_across}
 
-    def _direction(self, built: AsBuilt) -> tuple[FloatArray, FloatArray]:
+    def _direction(self, as_built: AsBuilt) -> tuple[FloatArray, FloatArray]:
         """Return (.., n_d) the gauges' directions along the meridian and round the body."""
-        turn = turn_of(built, self.row)
+        turn = turn_of(as_built, self.row)
         cosine, sine = np.cos(turn), np.sin(turn)
         meridional, circumferential = self.placed.meridional, self.placed.circumferential
         return cosine * meridional - sine * circumferential, sine * meridional + cosine * circumferential
 
-    def parts(self, table: ResponseTable, built: AsBuilt, thickness: FloatArray) -> BuiltGauges:
+    def parts(self, table: ResponseTable, as_built: AsBuilt, thickness: FloatArray) -> BuiltGauges:
         """Return the response of the gauges under the pressures of ``table``; ``thickness`` as there."""
-        roll = self.roll_angle(built)
-        if roll.ndim > 1 and is_uneven(built):
-            return _stacked([self.parts(table, built.one_of(k), thickness[k]) for k in range(len(roll))])
-        found = even_amplitudes(table, built, thickness, self.station)
+        roll = self.roll_angle(as_built)
+        if roll.ndim > 1 and is_uneven(as_built):
+            return _stacked([self.parts(table, as_built.one_of(k), thickness[k]) for k in range(len(roll))])
+        amplitude = even_amplitudes(table, as_built, thickness, self.station)
         return self.at_roll(
-            found,
-            uneven_amplitudes(table, built),
+            amplitude,
+            uneven_amplitudes(table, as_built),
             roll=roll,
-            weights=self.direction_weights(built),
+            weights=self.direction_weights(as_built),
             lead=table.nominal.ndim - 3,
         )
 
@@ -179,28 +181,28 @@ def _along(strain: FloatArray, normal: FloatArray) -> FloatArray:
 
 def _stacked(parts: Sequence[BuiltGauges]) -> BuiltGauges:
     return BuiltGauges(
-        even=np.stack([one.even for one in parts]),
-        odd=np.stack([one.odd for one in parts]),
-        roll_angle=np.stack([one.roll_angle for one in parts]),
+        even=np.stack([part.even for part in parts]),
+        odd=np.stack([part.odd for part in parts]),
+        roll_angle=np.stack([part.roll_angle for part in parts]),
     )
 
 
-def turn_of(built: AsBuilt, row: IntArray) -> FloatArray:
+def turn_of(as_built: AsBuilt, row: IntArray) -> FloatArray:
     """Return (.., n_d) the turn of each gauge in the surface, its own and its row's, ``row`` (n_d,) [rad]."""
-    of_row = built.row_orientation
-    return np.asarray(built.orientation + (of_row[..., row] if of_row.shape[-1] > 1 else of_row))
+    of_row = as_built.row_orientation
+    return np.asarray(as_built.orientation + (of_row[..., row] if of_row.shape[-1] > 1 else of_row))
 
 
-def gain_of(built: AsBuilt) -> FloatArray:
+def gain_of(as_built: AsBuilt) -> FloatArray:
     """Return (.., n_d) reading per strain."""
-    return np.asarray((1.0 + built.common_gain) * (1.0 + built.gauge_gain))
+    return np.asarray((1.0 + as_built.common_gain) * (1.0 + as_built.gauge_gain))
 
 
-def operator_of(found: BuiltGauges, built: AsBuilt, grid: SurfaceGrid) -> FloatArray:
+def operator_of(gauges: BuiltGauges, as_built: AsBuilt, grid: SurfaceGrid) -> FloatArray:
     """Return Z_p (n_d, n_p) [1/Pa] of one vehicle from its response (n_x, n_m, n_d) to pressure on ``grid``."""
-    even, odd = (one.transpose(2, 1, 0) for one in (found.even, found.odd))
-    gain = gain_of(built) / (1.0 + built.youngs_modulus)
-    return np.asarray(gain[:, None] * operator_in_roll(even, odd, found.roll_angle, grid))
+    even, odd = (part.transpose(2, 1, 0) for part in (gauges.even, gauges.odd))
+    gain = gain_of(as_built) / (1.0 + as_built.youngs_modulus)
+    return np.asarray(gain[:, None] * operator_in_roll(even, odd, gauges.roll_angle, grid))
 
 
 def rows_of(roll_angle: FloatArray) -> IntArray:

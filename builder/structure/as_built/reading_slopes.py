@@ -51,15 +51,18 @@ Parts = Sequence[tuple[int, int, FloatArray]]
 Weights = tuple[FloatArray, FloatArray]
 
 
-def amplitude_terms(table: ResponseTable, built: AsBuilt, thickness: FloatArray) -> Terms:
+def amplitude_terms(table: ResponseTable, as_built: AsBuilt, thickness: FloatArray) -> Terms:
     """Return the amplitudes of one vehicle that go round the body as the load does."""
-    shift = built.axial_shift
+    shift = as_built.axial_shift
     change = ((shift, table.along), (shift**2, table.along_twice))
-    return [(1.0, at_stations(table, built, thickness)), *((size, one) for size, one in change if one is not None)]
+    return [
+        (1.0, at_stations(table, as_built, thickness)),
+        *((size, change_per_size) for size, change_per_size in change if change_per_size is not None),
+    ]
 
 
 def amplitude_slope(
-    table: ResponseTable, built: AsBuilt, thickness: FloatArray, key: tuple[str, int]
+    table: ResponseTable, as_built: AsBuilt, thickness: FloatArray, key: tuple[str, int]
 ) -> tuple[Terms, Parts]:
     """Return the derivative by parameter ``key``: its kind, and the number of its region or joint.
 
@@ -68,27 +71,29 @@ def amplitude_slope(
     """
     kind, number = key
     if kind == "axial_shift":
-        change = ((1.0, table.along), (2.0 * built.axial_shift, table.along_twice))
-        return [(size, one) for size, one in change if one is not None], ()
+        change = ((1.0, table.along), (2.0 * as_built.axial_shift, table.along_twice))
+        return [(size, change_per_size) for size, change_per_size in change if change_per_size is not None], ()
     if kind in UNEVEN:
         wave, turned = UNEVEN[kind]
         part = table.uneven[wave, turned, number]
         load = [] if table.uneven_load is None else [(1.0, table.uneven_load[wave, turned, number])]
         return load, [(WAVES[wave], turned, part)] if part.any() else ()
-    row = _row(table, built, thickness, kind, number)
+    row = _row(table, as_built, thickness, kind, number)
     return [] if row is None else [(1.0, row)], ()
 
 
-def _row(table: ResponseTable, built: AsBuilt, thickness: FloatArray, kind: str, number: int) -> FloatArray | None:
+def _row(
+    table: ResponseTable, as_built: AsBuilt, thickness: FloatArray, kind: str, number: int
+) -> FloatArray | None:
     """Return the derivative (.., n_m, n_s, 3) by thickness, taper, mass, clamp, joint or modulus."""
     if kind in ("wall_thickness", "wall_taper"):
-        k = number + (built.n_regions if kind == "wall_taper" else 0)
+        k = number + (as_built.n_regions if kind == "wall_taper" else 0)
         return table.wall[k] + 2.0 * thickness[k] * table.wall_twice[k] if len(table.wall) else None
     if kind == "region_mass":
         return None if table.region_mass is None else table.region_mass[number]
     if kind == "region_modulus":
-        row = len(CLAMP) + built.counts.joint + number
-        return table.soft[row] / (1.0 + built.region_modulus[number]) ** 2 if row < len(table.soft) else None
+        row = len(CLAMP) + as_built.counts.joint + number
+        return table.soft[row] / (1.0 + as_built.region_modulus[number]) ** 2 if row < len(table.soft) else None
     row = CLAMP[kind] if kind in CLAMP else len(CLAMP) + number
     return table.soft[row] if row < len(table.soft) else None
 
@@ -111,15 +116,21 @@ class _Slopes:
         self,
         on_wall: WallGauges,
         table: ResponseTable,
-        built: AsBuilt,
+        as_built: AsBuilt,
         thickness: FloatArray,
         read: Callable[[Terms, Parts, FloatArray, Weights], FloatArray],
     ) -> None:
-        self._wall, self._table, self._built, self._thickness, self._read = on_wall, table, built, thickness, read
-        self._even = amplitude_terms(table, built, thickness)
-        self._uneven = tuple(uneven_amplitudes(table, built))
-        self._roll, self._weights = on_wall.roll_angle(built), on_wall.direction_weights(built)
-        self._by_direction = on_wall.direction_slopes(built)
+        self._wall, self._table, self._built, self._thickness, self._read = (
+            on_wall,
+            table,
+            as_built,
+            thickness,
+            read,
+        )
+        self._even = amplitude_terms(table, as_built, thickness)
+        self._uneven = tuple(uneven_amplitudes(table, as_built))
+        self._roll, self._weights = on_wall.roll_angle(as_built), on_wall.direction_weights(as_built)
+        self._by_direction = on_wall.direction_slopes(as_built)
         self._by_roll: FloatArray | None = None
         self.value = read(self._even, self._uneven, self._roll, self._weights)
 
@@ -146,7 +157,7 @@ class _Slopes:
 
 
 def load_slopes(
-    on_wall: WallGauges, response: LoadResponse, built: AsBuilt, thickness: FloatArray, keys: Sequence[Key]
+    on_wall: WallGauges, response: LoadResponse, as_built: AsBuilt, thickness: FloatArray, keys: Sequence[Key]
 ) -> tuple[FloatArray, dict[Key, FloatArray]]:
     """Return readings (n_d, ..) under the loads of ``response``, and their derivatives by ``keys`` [m/m per unit].
 
@@ -158,14 +169,14 @@ def load_slopes(
     def read(even: Terms, parts: Parts, roll: FloatArray, weights: Weights) -> FloatArray:
         return np.moveaxis(_read(lead, on_wall.station, even, parts, roll, weights), -1, 0)
 
-    slopes = _Slopes(on_wall, response.table, built, thickness, read)
-    by_stress, by_mass = (np.asarray(one) * 1.0 for one in (response.by_stress, response.by_mass))
-    share = (1.0 + built.mass[0] * by_mass) / (1.0 + built.youngs_modulus[0] * by_stress)
-    gain = gain_of(built)
+    slopes = _Slopes(on_wall, response.table, as_built, thickness, read)
+    by_stress, by_mass = (np.asarray(share_of) * 1.0 for share_of in (response.by_stress, response.by_mass))
+    share = (1.0 + as_built.mass[0] * by_mass) / (1.0 + as_built.youngs_modulus[0] * by_stress)
+    gain = gain_of(as_built)
     reading = times_gauges(slopes.value, gain) * share
     by_key = {}
     for key in keys:
-        slope = slope_by_factor(key[0], reading, built, by_stress, by_mass)
+        slope = slope_by_factor(key[0], reading, as_built, by_stress, by_mass)
         by_key[key] = times_gauges(slopes.by(key), gain) * share if slope is None else slope
     return reading + np.asarray(response.constant).T, by_key
 
@@ -173,7 +184,7 @@ def load_slopes(
 def operator_slopes(
     on_wall: WallGauges,
     table: ResponseTable,
-    built: AsBuilt,
+    as_built: AsBuilt,
     *,
     thickness: FloatArray,
     grid: SurfaceGrid,
@@ -188,20 +199,20 @@ def operator_slopes(
         for factor, term in even:
             amplitude += np.reshape(factor, (-1, 1)) * term[..., on_wall.station, :]
         gauges = on_wall.at_roll(amplitude, parts, roll=roll, weights=weights, lead=len(shape) - 3)
-        return operator_of(gauges, built, grid)
+        return operator_of(gauges, as_built, grid)
 
-    slopes = _Slopes(on_wall, table, built, thickness, read)
+    slopes = _Slopes(on_wall, table, as_built, thickness, read)
     by_key = {}
     for key in keys:
-        slope = slope_by_factor(key[0], slopes.value, built, by_mass=0.0)
+        slope = slope_by_factor(key[0], slopes.value, as_built, by_mass=0.0)
         by_key[key] = slopes.by(key) if slope is None else slope
     return by_key
 
 
-def read_load(on_wall: WallGauges, table: ResponseTable, built: AsBuilt, thickness: FloatArray) -> FloatArray:
+def read_load(on_wall: WallGauges, table: ResponseTable, as_built: AsBuilt, thickness: FloatArray) -> FloatArray:
     """Return readings (.., n_d) of one vehicle under the loads of ``table``, without gain, mass and modulus."""
-    even, uneven = amplitude_terms(table, built, thickness), tuple(uneven_amplitudes(table, built))
-    roll, weights = on_wall.roll_angle(built), on_wall.direction_weights(built)
+    even, uneven = amplitude_terms(table, as_built, thickness), tuple(uneven_amplitudes(table, as_built))
+    roll, weights = on_wall.roll_angle(as_built), on_wall.direction_weights(as_built)
     return _read(table.nominal.shape[1:-3], on_wall.station, even, uneven, roll, weights)
 
 
@@ -209,15 +220,15 @@ def _read(
     lead: tuple[int, ...], station: IntArray, even: Terms, parts: Parts, roll: FloatArray, weights: Weights
 ) -> FloatArray:
     """Return readings (*lead, n_d) at roll angles (n_d,) of amplitudes (2, *lead, n_m, n_s, 3)."""
-    weight, found = np.column_stack(weights), np.zeros((*lead, len(station)))
+    weight, reading = np.column_stack(weights), np.zeros((*lead, len(station)))
     for factor, amplitude in even:
         phase = np.arange(amplitude.shape[-3])[:, None] * roll
-        found += factor * _at_roll(amplitude, station, np.cos(phase), np.sin(phase), weight)
+        reading += factor * _at_roll(amplitude, station, np.cos(phase), np.sin(phase), weight)
     for wave, turned, sides in parts:
         phases = side_phases(roll - turned * QUARTER / wave, sides.shape[-3], wave)
         for (cosine, sine, at_side), part in zip(phases, sides, strict=True):
-            found += at_side * _at_roll(part, station, cosine, sine, weight)
-    return found
+            reading += at_side * _at_roll(part, station, cosine, sine, weight)
+    return reading
 
 
 def _at_roll(
@@ -229,8 +240,8 @@ def _at_roll(
     first, second = np.stack([cosine, cosine, sine]), np.stack([sine, sine, -cosine])
     waves = (np.stack([first, second], axis=2) * weight.T[:, None, None]).reshape(-1, len(station))  # 3, n_m, 2
     rows = amplitude.reshape(2, -1, n_m, n_s, 3).transpose(3, 1, 4, 2, 0).reshape(n_s, -1, len(waves))
-    found = np.empty((rows.shape[1], len(station)))
+    reading = np.empty((rows.shape[1], len(station)))
     for number, of_loads in enumerate(rows):
         gauges = np.flatnonzero(station == number)
-        found[:, gauges] = of_loads @ waves[:, gauges]
-    return found.reshape(*amplitude.shape[1:-3], -1)
+        reading[:, gauges] = of_loads @ waves[:, gauges]
+    return reading.reshape(*amplitude.shape[1:-3], -1)

@@ -88,37 +88,40 @@ def stacked_tables(tables: Sequence[ResponseTable]) -> ResponseTable:
 
     What one load has no part of, as harmonics or the wall's thickness, is zero.
     """
-    n_m = max(one.nominal.shape[1] for one in tables)
+    n_m = max(table.nominal.shape[1] for table in tables)
 
     def stacked(parts: Sequence[FloatArray]) -> FloatArray:
         # What leads is the table's; 2, n_m, n_s, 3 are the load's.
         padded = [
-            np.pad(one, [(0, 0)] * (one.ndim - 3) + [(0, n_m - one.shape[-3]), (0, 0), (0, 0)]) for one in parts
+            np.pad(part, [(0, 0)] * (part.ndim - 3) + [(0, n_m - part.shape[-3]), (0, 0), (0, 0)])
+            for part in parts
         ]
         return np.stack(padded, axis=-4)
 
     def by_region(name: str) -> FloatArray:
-        parts = [(getattr(one, name), one.nominal.shape) for one in tables]
-        n = max(len(one) for one, _ in parts)
-        return stacked([one if len(one) else np.zeros((n, *shape)) for one, shape in parts])
+        parts = [(getattr(table, name), table.nominal.shape) for table in tables]
+        n = max(len(part) for part, _ in parts)
+        return stacked([part if len(part) else np.zeros((n, *shape)) for part, shape in parts])
 
     uneven = [
-        np.zeros((*one.uneven.shape[:3], *one.nominal.shape)) if one.uneven_load is None else one.uneven_load
-        for one in tables
+        np.zeros((*table.uneven.shape[:3], *table.nominal.shape))
+        if table.uneven_load is None
+        else table.uneven_load
+        for table in tables
     ]
     mass = [
-        np.zeros((one.uneven.shape[2], *one.nominal.shape)) if one.region_mass is None else one.region_mass
-        for one in tables
+        np.zeros((table.uneven.shape[2], *table.nominal.shape)) if table.region_mass is None else table.region_mass
+        for table in tables
     ]
-    changes = any(one.uneven_load is not None for one in tables)
-    weighs = any(one.region_mass is not None for one in tables)
+    changes = any(table.uneven_load is not None for table in tables)
+    weighs = any(table.region_mass is not None for table in tables)
     return ResponseTable(
-        nominal=stacked([one.nominal for one in tables]),
-        along=stacked([_or_none(one.along, one.nominal) for one in tables]),
-        along_twice=stacked([_or_none(one.along_twice, one.nominal) for one in tables]),
+        nominal=stacked([table.nominal for table in tables]),
+        along=stacked([_or_none(table.along, table.nominal) for table in tables]),
+        along_twice=stacked([_or_none(table.along_twice, table.nominal) for table in tables]),
         wall=by_region("wall"),
         wall_twice=by_region("wall_twice"),
-        uneven=stacked([one.uneven for one in tables]),
+        uneven=stacked([table.uneven for table in tables]),
         soft=by_region("soft"),
         uneven_load=stacked(uneven) if changes else None,
         region_mass=stacked(mass) if weighs else None,
@@ -132,21 +135,21 @@ def _or_none(change: FloatArray | None, nominal: FloatArray) -> FloatArray:
 def together(responses: Sequence[LoadResponse]) -> LoadResponse:
     """Return the responses of loads of one structure as one, with the readings of every load."""
     return LoadResponse(
-        table=stacked_tables([one.table for one in responses]),
-        constant=np.array([one.constant for one in responses]),
-        by_stress=np.array([one.by_stress for one in responses]),
-        by_mass=np.array([one.by_mass for one in responses]),
+        table=stacked_tables([response.table for response in responses]),
+        constant=np.array([response.constant for response in responses]),
+        by_stress=np.array([response.by_stress for response in responses]),
+        by_mass=np.array([response.by_mass for response in responses]),
     )
 
 
 def combined(responses: Sequence[LoadResponse], weights: FloatArray) -> LoadResponse:
     """Return the response of a load that is the sum of ``weights`` (n,) times loads of one kind."""
-    first, found = responses[0], dict[str, Any]()
+    first, entries = responses[0], dict[str, Any]()
     for entry in fields(ResponseTable):
-        parts = [getattr(one.table, entry.name) for one in responses]
-        found[entry.name] = None if parts[0] is None else np.tensordot(weights, np.stack(parts), 1)
-    constant = np.tensordot(weights, np.stack([one.constant for one in responses]), 1)
-    return replace(first, table=replace(first.table, **found), constant=constant)
+        parts = [getattr(response.table, entry.name) for response in responses]
+        entries[entry.name] = None if parts[0] is None else np.tensordot(weights, np.stack(parts), 1)
+    constant = np.tensordot(weights, np.stack([response.constant for response in responses]), 1)
+    return replace(first, table=replace(first.table, **entries), constant=constant)
 
 
 def even_amplitudes(
@@ -158,39 +161,41 @@ def even_amplitudes(
     each gauge sees of the first one.
     """
     lead, of_each = table.nominal.ndim - 3, thickness.shape[-1] != len(table.wall)
-    found = at_stations(table, parameters, thickness)[..., station, :]
+    amplitude = at_stations(table, parameters, thickness)[..., station, :]
     if len(table.wall) and of_each:
         t = at_gauges(thickness, lead)[..., None]
-        found = found + t * (table.wall[0][..., station, :] + t * table.wall_twice[0][..., station, :])
+        amplitude = amplitude + t * (table.wall[0][..., station, :] + t * table.wall_twice[0][..., station, :])
     if table.along is None:
-        return found
+        return amplitude
     shift = at_gauges(parameters.axial_shift, lead)[..., None]
     slope = table.along[..., station, :]
     if table.along_twice is not None:
         slope = slope + shift * table.along_twice[..., station, :]
-    return np.asarray(found + shift * slope)
+    return np.asarray(amplitude + shift * slope)
 
 
 def at_stations(table: ResponseTable, parameters: AsBuilt, thickness: FloatArray) -> FloatArray:
     """Return (.., n_m, n_s, 3) at the stations of the drawing, of the part that goes round the body as the load
     does; without a ``thickness`` (.., n_d) that each gauge sees."""
-    found = table.nominal
+    amplitude = table.nominal
     if len(table.wall) and thickness.shape[-1] == len(table.wall):
-        found = found + np.tensordot(thickness, table.wall, 1) + np.tensordot(thickness**2, table.wall_twice, 1)
+        amplitude = (
+            amplitude + np.tensordot(thickness, table.wall, 1) + np.tensordot(thickness**2, table.wall_twice, 1)
+        )
     if table.uneven_load is not None:
-        found = found + np.tensordot(_waves(parameters), table.uneven_load, 3)
+        amplitude = amplitude + np.tensordot(_waves(parameters), table.uneven_load, 3)
     if table.region_mass is not None:
-        found = found + np.tensordot(parameters.region_mass, table.region_mass, 1)
+        amplitude = amplitude + np.tensordot(parameters.region_mass, table.region_mass, 1)
     if len(table.soft):
-        found = found + np.tensordot(_softness(parameters)[..., : len(table.soft)], table.soft, 1)
-    return np.asarray(found)
+        amplitude = amplitude + np.tensordot(_softness(parameters)[..., : len(table.soft)], table.soft, 1)
+    return np.asarray(amplitude)
 
 
 def at_gauges(value: FloatArray, lead: int, dimensions: int = 1) -> FloatArray:
     """Return ``value`` (.., n_d) with places for harmonics and for the ``lead`` dimensions of a table, behind the
     vehicles; its last ``dimensions`` are the gauges' own."""
-    vehicles, own = value.shape[:-dimensions], value.shape[-dimensions:]
-    return value.reshape(*vehicles, *[1] * (lead + 1), *own)
+    vehicles, of_gauge = value.shape[:-dimensions], value.shape[-dimensions:]
+    return value.reshape(*vehicles, *[1] * (lead + 1), *of_gauge)
 
 
 def uneven_amplitudes(table: ResponseTable, parameters: AsBuilt) -> Iterator[tuple[int, int, FloatArray]]:
@@ -225,8 +230,8 @@ def _waves(parameters: AsBuilt) -> FloatArray:
 
 def of_all_vehicles(*values: FloatArray) -> list[FloatArray]:
     """Return values (.., n) with the vehicles of all, where some are given once for all of them."""
-    lead = np.broadcast_shapes(*(one.shape[:-1] for one in values))
-    return [np.broadcast_to(one, (*lead, one.shape[-1])) for one in values]
+    lead = np.broadcast_shapes(*(value.shape[:-1] for value in values))
+    return [np.broadcast_to(value, (*lead, value.shape[-1])) for value in values]
 
 
 def is_uneven(parameters: AsBuilt) -> bool:
@@ -236,11 +241,11 @@ def is_uneven(parameters: AsBuilt) -> bool:
 
 def side_phases(roll_angle: FloatArray, n_m: int, wave: int) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
     """Return per side cosine and sine (n_m, n_d) of the strain's harmonic at roll angles, and a factor (n_d,)."""
-    found = []
+    phases = []
     for side in SIDES:
         m = np.arange(n_m) + wave * side
         inside = (np.abs(m) < n_m).astype(np.float64)[:, None]
         phase = m[:, None] * roll_angle
         factor = np.cos(wave * roll_angle) if side == 0 else np.ones_like(roll_angle)
-        found.append((inside * np.cos(phase), inside * np.sin(phase), factor))
-    return found
+        phases.append((inside * np.cos(phase), inside * np.sin(phase), factor))
+    return phases

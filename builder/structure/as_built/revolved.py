@@ -80,44 +80,44 @@ class RevolvedStructure:
     def n_harmonics(self) -> int:
         return int(self.table.nominal.shape[-3])
 
-    def parts(self, built: AsBuilt, table: ResponseTable | None = None) -> BuiltGauges:
-        """Return the gauges of a vehicle as ``built``, or of many at once.
+    def parts(self, as_built: AsBuilt, table: ResponseTable | None = None) -> BuiltGauges:
+        """Return the gauges of a vehicle ``as_built``, or of many at once.
 
         ``table`` holds amplitudes under other pressures; None takes those per pressure at the stations.
         """
         for kind in (*SOLVED, *BY_REGION):
-            if kind not in self.solved and getattr(built, kind).any():
+            if kind not in self.solved and getattr(as_built, kind).any():
                 entry = KINDS[kind].entry
                 raise InputError(f"{KINDS[kind].in_words}: this structure was solved without; noise.{entry} is 0")
-        return self.on_wall.parts(self.table if table is None else table, built, self._thickness(built))
+        return self.on_wall.parts(self.table if table is None else table, as_built, self._thickness(as_built))
 
-    def _thickness(self, built: AsBuilt) -> FloatArray:
+    def _thickness(self, as_built: AsBuilt) -> FloatArray:
         """Return (.., n_t) what the rows of the wall in the table are multiplied by, or (n_d,) as each gauge sees
         it."""
-        whole = built.of_all("wall_thickness")
-        if "wall_taper" not in self.solved or whole.shape[-1] != 1:
-            return whole
-        rows = len(self.table.wall) - built.wall_taper.shape[-1]
-        return np.concatenate(of_all_vehicles(whole[..., :rows], built.wall_taper), axis=-1)
+        thickness = as_built.of_all("wall_thickness")
+        if "wall_taper" not in self.solved or thickness.shape[-1] != 1:
+            return thickness
+        rows = len(self.table.wall) - as_built.wall_taper.shape[-1]
+        return np.concatenate(of_all_vehicles(thickness[..., :rows], as_built.wall_taper), axis=-1)
 
-    def flight_gauges(self, built: AsBuilt, n_harmonics: int) -> FlightGauges:
-        """Return the gauges of a vehicle as ``built``, at as many harmonics as were solved for."""
-        gauges, none = self.parts(built), np.zeros(len(self.names))
+    def flight_gauges(self, as_built: AsBuilt, n_harmonics: int) -> FlightGauges:
+        """Return the gauges of a vehicle ``as_built``, at as many harmonics as were solved for."""
+        gauges, none = self.parts(as_built), np.zeros(len(self.names))
         response = np.stack([gauges.even, gauges.odd], axis=-1).transpose(2, 1, 0, 3)  # n_d, n_m, n_x, 2
-        response = response * gain_of(built)[:, None, None, None]
+        response = response * gain_of(as_built)[:, None, None, None]
         return FlightGauges(
             names=self.names,
             roll_angle=gauges.roll_angle,
             response=response,
-            apparent=none + built.apparent_strain,
-            per_ambient=-built.internal_pressure.item() * response[:, 0, :, 0].sum(axis=1),
+            apparent=none + as_built.apparent_strain,
+            per_ambient=-as_built.internal_pressure.item() * response[:, 0, :, 0].sum(axis=1),
             per_dynamic=none,
-            record=built.record(IN_NOISE),
+            record=as_built.record(IN_NOISE),
         )
 
-    def strain_operator(self, built: AsBuilt) -> FloatArray:
+    def strain_operator(self, as_built: AsBuilt) -> FloatArray:
         """Return Z_p (n_d, n_p) [1/Pa] of one vehicle: reading per pressure at every node of ``surface``."""
-        return operator_of(self.parts(built), built, self.surface)
+        return operator_of(self.parts(as_built), as_built, self.surface)
 
 
 def revolved_structure(
@@ -194,66 +194,66 @@ def revolved_table(
     """
     material, mesh = wall_of(vehicle).material, mesh_of_map(vehicle)
 
-    def at(on: MeridianMesh, *stations: FloatArray) -> list[FloatArray]:
+    def amplitudes_at(on: MeridianMesh, *stations: FloatArray) -> list[FloatArray]:
         response = harmonic_response(on, material, np.concatenate(stations), surface.x, nominal.max_harmonic)
-        return [amplitudes(response)[:, :, station_index(response.gauge_x, one)] for one in stations]
+        return [amplitudes(response)[:, :, station_index(response.gauge_x, station)] for station in stations]
 
-    found = amplitudes(nominal)[:, :, station_index(nominal.gauge_x, x)]
-    along, wall_rows, soft = None, np.zeros((2, 0, *found.shape)), np.zeros((0, *found.shape))
+    expected = amplitudes(nominal)[:, :, station_index(nominal.gauge_x, x)]
+    along, wall_rows, soft = None, np.zeros((2, 0, *expected.shape)), np.zeros((0, *expected.shape))
     if "axial_shift" in kinds:
         step = SHIFT * inner_surface_points(mesh, x).tangent[:, 0]
-        fore, middle, aft = at(mesh, x - step, x, x + step)
+        fore, middle, aft = amplitudes_at(mesh, x - step, x, x + step)
         along = (aft - fore) / (2.0 * SHIFT)
     elif "wall_thickness" in kinds:
-        (middle,) = at(mesh, x)
+        (middle,) = amplitudes_at(mesh, x)
     if "wall_thickness" in kinds:
         walls = (mesh_of_map(with_wall(vehicle, factor)) for factor in (1.0 - wall_step, 1.0 + wall_step))
-        thin, thick = (at(one, x)[0] for one in walls)
+        thin, thick = (amplitudes_at(mesh_of_wall, x)[0] for mesh_of_wall in walls)
         slope, bend = (thick - thin) / (2.0 * wall_step), (thick - 2.0 * middle + thin) / (2.0 * wall_step**2)
         wall_rows = np.stack([slope[None], bend[None]])
     if not set(CLAMP).isdisjoint(kinds):
         lengths = (RIGID, RIGID), (CLAMP_STEP, RIGID), (RIGID, CLAMP_STEP)
-        held = [at(yielding_clamp(mesh, material, *one), x)[0] for one in lengths]
-        soft = np.array([held[1] - held[0], held[2] - held[0]]) / CLAMP_STEP
+        yielding = [amplitudes_at(yielding_clamp(mesh, material, *length), x)[0] for length in lengths]
+        soft = np.array([yielding[1] - yielding[0], yielding[2] - yielding[0]]) / CLAMP_STEP
     return ResponseTable(
-        nominal=found,
+        nominal=expected,
         along=along,
         along_twice=None,
         wall=wall_rows[0],
         wall_twice=wall_rows[1],
-        uneven=np.zeros((len(WAVES), 2, 0, 3, *found.shape)),
+        uneven=np.zeros((len(WAVES), 2, 0, 3, *expected.shape)),
         soft=soft,
     )
 
 
 def _with_regions(table: ResponseTable, by_region: AsBuiltStructure, with_taper: bool) -> ResponseTable:
     """Return ``table`` with changes by regions of the wall and by joints."""
-    other, n_r = by_region.pressure, by_region.n_regions
-    clamp = table.soft if len(table.soft) else other.soft[: len(CLAMP)]
-    found = replace(
+    solved, n_r = by_region.pressure, by_region.n_regions
+    clamp = table.soft if len(table.soft) else solved.soft[: len(CLAMP)]
+    changed = replace(
         table,
-        uneven=other.uneven,
-        soft=np.concatenate([clamp, other.soft[len(CLAMP) :]]),
+        uneven=solved.uneven,
+        soft=np.concatenate([clamp, solved.soft[len(CLAMP) :]]),
     )
     if not with_taper:
-        return found
+        return changed
     return replace(
-        found,
-        wall=np.concatenate([table.wall, other.wall[n_r:]]),
-        wall_twice=np.concatenate([table.wall_twice, other.wall_twice[n_r:]]),
+        changed,
+        wall=np.concatenate([table.wall, solved.wall[n_r:]]),
+        wall_twice=np.concatenate([table.wall_twice, solved.wall_twice[n_r:]]),
     )
 
 
 def amplitudes(response: HarmonicResponse) -> FloatArray:
     """Return (n_x, n_m, n_s, 3) [1/Pa]."""
-    found = np.stack([response.meridional, response.hoop, response.shear])
-    return np.ascontiguousarray(found.transpose(3, 2, 1, 0))
+    response_at = np.stack([response.meridional, response.hoop, response.shear])
+    return np.ascontiguousarray(response_at.transpose(3, 2, 1, 0))
 
 
-def each(table: ResponseTable, change: Callable[[FloatArray], FloatArray]) -> ResponseTable:
+def changed_alike(table: ResponseTable, change: Callable[[FloatArray], FloatArray]) -> ResponseTable:
     """Return the table with every array changed alike; ``change`` takes (.., n_x, n_m, n_s, 3)."""
-    found = {name: change(value) for name, value in vars(table).items() if value is not None}
-    return replace(table, **found)
+    arrays = {name: change(value) for name, value in vars(table).items() if value is not None}
+    return replace(table, **arrays)
 
 
 def with_wall(vehicle: Vehicle, factor: float) -> Vehicle:
@@ -261,8 +261,8 @@ def with_wall(vehicle: Vehicle, factor: float) -> Vehicle:
     changed = {
         "wall_thickness_mm": factor * vehicle.structure.wall_thickness_mm,
         "wall_thickness_at": [
-            one.model_copy(update={"thickness_mm": factor * one.thickness_mm})
-            for one in vehicle.structure.wall_thickness_at
+            thickness_at.model_copy(update={"thickness_mm": factor * thickness_at.thickness_mm})
+            for thickness_at in vehicle.structure.wall_thickness_at
         ],
     }
     return vehicle.model_copy(update={"structure": vehicle.structure.model_copy(update=changed)})

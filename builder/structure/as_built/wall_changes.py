@@ -78,14 +78,14 @@ class ExpectedWall:
                 self._adjoints[m] = solved(self._solvers[m], strain_rows(self.mesh, self._stations, m))
                 self._of_gauges[m] = self._adjoints[m][self._gauges]
         self._solvers.pop(n - 1, None)
-        for one in (self._adjoints, self._of_gauges):
-            one.pop(n - max(WAVES) - 1, None)
+        for store in (self._adjoints, self._of_gauges):
+            store.pop(n - max(WAVES) - 1, None)
         return self._solvers[n], self._adjoints[n]
 
     def at_gauges(self, m: int) -> FloatArray:
         """Return the adjoint (n_s, 3, n_dof) of harmonic ``m`` at the gauges; -m is m reflected."""
-        found = self._of_gauges[abs(m)]
-        return found if m >= 0 else reflected(found)
+        adjoint = self._of_gauges[abs(m)]
+        return adjoint if m >= 0 else reflected(adjoint)
 
 
 def solved(solver: Solver, rows: FloatArray) -> FloatArray:
@@ -104,16 +104,16 @@ class ThickerWall:
     ) -> None:
         self._expected, self._step, self._n_nodes = expected, step, len(plus.node)
         walls, even, moved = (minus, plus, expected.mesh), expected.stiffness, moved_elements(minus, plus)
-        self._points = [inner_surface_points(one, expected.x) for one in walls]
-        terms = self._by_order(*(stiffness_of_elements(one, material, even, moved) for one in walls))
+        self._points = [inner_surface_points(wall, expected.x) for wall in walls]
+        terms = self._by_order(*(stiffness_of_elements(wall, material, even, moved) for wall in walls))
         self._stiffness = [_without_zeros(even, term) for term in terms]
 
     def adjoints(self, solver: Solver, n: int) -> tuple[FloatArray, FloatArray]:
         """Return the adjoint of harmonic ``n`` per change and per its square, (n_s, 3, n_dof) each."""
         zeroth = self._expected.at_gauges(n)
-        minus, plus, even = (strain_rows_at(one, self._n_nodes, n) for one in self._points)
+        minus, plus, even = (strain_rows_at(points, self._n_nodes, n) for points in self._points)
         b_1, b_2 = self._by_order(minus, plus, even)
-        k_1, k_2 = (one.matrix(n) for one in self._stiffness)
+        k_1, k_2 = (term.matrix(n) for term in self._stiffness)
         first = solved(solver, b_1 - _times(zeroth, k_1))
         second = solved(solver, b_2 - _times(first, k_1) - _times(zeroth, k_2))
         return first, second
@@ -123,17 +123,17 @@ class ThickerWall:
         return (plus - minus) / (2.0 * self._step), (plus - 2.0 * even + minus) / (2.0 * self._step**2)
 
 
-def moved_elements(one: MeridianMesh, other: MeridianMesh) -> IntArray:
+def moved_elements(first: MeridianMesh, second: MeridianMesh) -> IntArray:
     """Return the elements (n,) of which two meshes have a node at different places."""
-    moved = (one.node != other.node).any(axis=1)
-    return np.flatnonzero(moved[one.element].any(axis=1))
+    moved = (first.node != second.node).any(axis=1)
+    return np.flatnonzero(moved[first.element].any(axis=1))
 
 
 def _without_zeros(pattern: FourierStiffness, term: FloatArray) -> FourierStiffness:
     """Return the stiffness of ``term`` in ``pattern``; most of it is zero, where the wall stays as it is."""
-    kept = term.any(axis=0)
-    indptr = np.concatenate([[0], np.cumsum(kept)])[pattern.indptr]
-    return FourierStiffness(pattern.indices[kept], indptr, term[:, kept])
+    nonzero = term.any(axis=0)
+    indptr = np.concatenate([[0], np.cumsum(nonzero)])[pattern.indptr]
+    return FourierStiffness(pattern.indices[nonzero], indptr, term[:, nonzero])
 
 
 def _times(rows: FloatArray, matrix: csc_array) -> FloatArray:
@@ -163,28 +163,28 @@ class ElasticClamp:
         self._node = mesh.clamped_node if mesh.foundation is None else line_nodes(edge)
         product = np.zeros((len(self._node), len(self._node)))
         for number, block in enumerate(ring_products(mesh, edge)):
-            at = slice(2 * number, 2 * number + 3)
-            product[at, at] += block
+            block_dofs = slice(2 * number, 2 * number + 3)
+            product[block_dofs, block_dofs] += block
         self._springs = product * material.youngs_modulus / CLAMP_LENGTH
         self._compliance = product / material.youngs_modulus
 
     def adjoints(self, stiffness: FourierStiffness, solver: Solver, rows: FloatArray, n: int) -> FloatArray:
         """Return (2, n_s, 3, n_dof) change of the adjoint of harmonic ``n`` per length along and across the body;
         ``rows`` (n_s, 3, n_dof) are the strain rows."""
-        matrix, found = stiffness.matrix(n), np.zeros((2, *rows.shape))
+        matrix, change = stiffness.matrix(n), np.zeros((2, *rows.shape))
         for which, components in enumerate(((0,), (1, 2))):
-            held = np.concatenate([3 * self._node + component for component in components])
+            ring = np.concatenate([3 * self._node + component for component in components])
             if self._foundation is not None:
                 softer = self._foundation[which] ** 2 * np.kron(np.eye(len(components)), self._compliance)
-                found[which][..., held] = solved(solver, rows)[..., held] @ softer
-                found[which] = solved(solver, found[which])
+                change[which][..., ring] = solved(solver, rows)[..., ring] @ softer
+                change[which] = solved(solver, change[which])
                 continue
-            motion = -solver.solve(matrix[:, held].toarray())
-            motion[held] += np.eye(len(held))
+            motion = -solver.solve(matrix[:, ring].toarray())
+            motion[ring] += np.eye(len(ring))
             springs = np.kron(np.eye(len(components)), self._springs)
-            yields = np.linalg.solve(springs + (matrix @ motion)[held], motion.T)
-            found[which] = (rows @ motion) @ yields / CLAMP_LENGTH
-        return found
+            yields = np.linalg.solve(springs + (matrix @ motion)[ring], motion.T)
+            change[which] = (rows @ motion) @ yields / CLAMP_LENGTH
+        return change
 
 
 class StifferRegion:
@@ -217,12 +217,12 @@ class UnevenChange:
     def __init__(
         self, plus: MeridianMesh, minus: MeridianMesh, step: float, x: FloatArray, product: HarmonicProduct
     ) -> None:
-        self._points, self._n_nodes = [inner_surface_points(one, x) for one in (plus, minus)], len(plus.node)
+        self._points, self._n_nodes = [inner_surface_points(mesh, x) for mesh in (plus, minus)], len(plus.node)
         self._step, self._product = step, product
 
     def rows(self, n: int) -> FloatArray:
         """Return the derivative (n_s, 3, n_dof) of the strain rows: the surface itself moves."""
-        plus, minus = (strain_rows_at(one, self._n_nodes, n) for one in self._points)
+        plus, minus = (strain_rows_at(points, self._n_nodes, n) for points in self._points)
         return (plus - minus) / (2.0 * self._step)
 
     def forces(self, adjoint: FloatArray, n: int, m: int) -> FloatArray:
@@ -249,5 +249,5 @@ def uneven_adjoints(
             yield (wave, region, of_surface), rows
         harmonics = [n + wave * side for wave, side in reached]
         forces = np.array([change.forces(expected.at_gauges(m), n, m) for m in harmonics])
-        for (wave, side), found in zip(reached, solved(solver, forces), strict=True):
-            yield (WAVES.index(wave), region, SIDES.index(side)), found
+        for (wave, side), adjoint in zip(reached, solved(solver, forces), strict=True):
+            yield (WAVES.index(wave), region, SIDES.index(side)), adjoint

@@ -53,12 +53,12 @@ class HarmonicProduct:
         data = np.array([1.0, m, n, n * m]) @ self.term
         return np.asarray(csr_array((data, self.indices, self.indptr), shape=(n_dof, n_dof)) @ motion)
 
-    def less(self, other: HarmonicProduct, step: float) -> HarmonicProduct:
-        """Return the difference to ``other``, of the same pattern, over ``step``; without entries of zero."""
-        term = (self.term - other.term) / step
-        kept = term.any(axis=0)
+    def less(self, subtracted: HarmonicProduct, step: float) -> HarmonicProduct:
+        """Return the difference to ``subtracted``, of the same pattern, over ``step``; without entries of zero."""
+        term = (self.term - subtracted.term) / step
+        nonzero = term.any(axis=0)
         return HarmonicProduct(
-            self.indices[kept], np.concatenate([[0], np.cumsum(kept)])[self.indptr], term[:, kept]
+            self.indices[nonzero], np.concatenate([[0], np.cumsum(nonzero)])[self.indptr], term[:, nonzero]
         )
 
 
@@ -73,13 +73,13 @@ def harmonic_product(
     constant, linear, weight = strain_displacement(some)
     n_e = len(elements)
     of_constant, of_linear = (
-        stress_times_weight(some, material, one, weight).reshape(n_e, -1, 27) for one in (constant, linear)
+        stress_times_weight(some, material, part, weight).reshape(n_e, -1, 27) for part in (constant, linear)
     )
-    constant, linear = (one.reshape(n_e, -1, 27).transpose(0, 2, 1) for one in (constant, linear))
+    constant, linear = (part.reshape(n_e, -1, 27).transpose(0, 2, 1) for part in (constant, linear))
     mixed = constant @ of_linear
     blocks = constant @ of_constant, mixed, mixed.transpose(0, 2, 1), linear @ of_linear
     # The pattern is symmetric; its places are by columns.
-    by_column = [one.transpose(0, 2, 1) for one in blocks]
+    by_column = [block.transpose(0, 2, 1) for block in blocks]
     term = assembled(by_column, like.places_of(elements), len(like.indices))
     return HarmonicProduct(like.indices, like.indptr, term)
 
@@ -91,10 +91,10 @@ def neighbour_weight(n: int) -> float:
 
 def reflected(adjoint: FloatArray) -> FloatArray:
     """Return strains (n_s, 3, n_dof) per force of harmonic -m from strains of m: what goes round changes sign."""
-    found = adjoint.copy()
-    found[:, 2] *= -1.0
-    found[..., 2::3] *= -1.0
-    return found
+    mirrored = adjoint.copy()
+    mirrored[:, 2] *= -1.0
+    mirrored[..., 2::3] *= -1.0
+    return mirrored
 
 
 def times_cosine(force: FloatArray) -> FloatArray:

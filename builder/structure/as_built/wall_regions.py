@@ -54,8 +54,8 @@ class WallRegions:
 
     def mass_share(self, x: FloatArray) -> FloatArray:
         """Return (n, n_r) of the mass at stations ``x`` (n,): the solid tip belongs to the first region."""
-        whole = self.end[0] + BLEND * (self.end[-1] - self.end[0])
-        return self.share(np.maximum(x, whole))
+        behind_tip = self.end[0] + BLEND * (self.end[-1] - self.end[0])
+        return self.share(np.maximum(x, behind_tip))
 
     def slope(self, x: FloatArray) -> FloatArray:
         """Return (n, n_r) shares that grow from -1 at a region's fore end to 1 at its aft end."""

@@ -74,10 +74,10 @@ class ForceRows:
     def split(self, force: FloatArray) -> SplitForces:
         """Return nodal forces (2, n_m, n_nodes, 3) on the outer surface and within."""
         loaded: BoolArray = np.asarray(np.moveaxis(force, 2, 0).reshape(self.n_nodes, -1).any(axis=1))
-        at = np.flatnonzero(loaded[self.outer])
-        span = slice(at[0], at[-1] + 1) if len(at) else slice(0)
+        loaded_nodes = np.flatnonzero(loaded[self.outer])
+        span = slice(loaded_nodes[0], loaded_nodes[-1] + 1) if len(loaded_nodes) else slice(0)
         outer = force[:, :, self.outer[span]].reshape(2, force.shape[1], -1)
-        columns = slice(3 * span.start, 3 * span.stop) if len(at) else span
+        columns = slice(3 * span.start, 3 * span.stop) if len(loaded_nodes) else span
         if not loaded[self.inner].any():
             return SplitForces(columns=columns, outer=outer, within=None)
         high = force[:, LOW:, self.inner]
@@ -125,28 +125,30 @@ class Adjoint:
     def strain(self, forces: SplitForces) -> FloatArray:
         """Return (.., 2, n_m, n_s, 3) amplitudes of strain under forces, in the harmonics of the adjoint."""
         n_m = self.outer.shape[-4]
-        found = _product(self.outer[..., forces.columns], forces.outer[:, :n_m])
+        strain = _product(self.outer[..., forces.columns], forces.outer[:, :n_m])
         if forces.within is None:
-            return found
-        beyond = np.abs(forces.within[:, len(self.low) :]).max(initial=0.0)
-        if beyond > ROUNDING * np.abs(forces.within).max():
+            return strain
+        highest_within = np.abs(forces.within[:, len(self.low) :]).max(initial=0.0)
+        if highest_within > ROUNDING * np.abs(forces.within).max():
             raise InputError(
                 f"load: expected harmonics up to {len(self.low) - 1} within the wall, got higher ones"
             )
         for n, adjoint in enumerate(self.low[: forces.within.shape[1]]):
-            found[..., n : n + 1, :, :] += _product(adjoint[..., None, :, :, :], forces.within[:, n : n + 1])
-        return found
+            strain[..., n : n + 1, :, :] += _product(adjoint[..., None, :, :, :], forces.within[:, n : n + 1])
+        return strain
 
-    def at(self, rows: IntArray) -> Adjoint:
+    def at_stations(self, rows: IntArray) -> Adjoint:
         """Return the same at stations ``rows``."""
-        return Adjoint(outer=self.outer[..., rows, :, :], low=tuple(one[..., rows, :, :] for one in self.low))
+        return Adjoint(
+            outer=self.outer[..., rows, :, :], low=tuple(adjoint[..., rows, :, :] for adjoint in self.low)
+        )
 
 
 def _product(adjoint: FloatArray, force: FloatArray) -> FloatArray:
     """Return (.., 2, n_m, n_s, 3) of (.., n_m, n_s, 3, n) and (2, n_m, n): by BLAS, which einsum would not do."""
     *lead, n_s, _, n = adjoint.shape
-    found = adjoint.reshape(*lead, 3 * n_s, n) @ force.transpose(1, 2, 0)  # .., n_m, 3 n_s, 2
-    return np.asarray(np.moveaxis(found, -1, -3).reshape(*lead[:-1], 2, lead[-1], n_s, 3))
+    product = adjoint.reshape(*lead, 3 * n_s, n) @ force.transpose(1, 2, 0)  # .., n_m, 3 n_s, 2
+    return np.asarray(np.moveaxis(product, -1, -3).reshape(*lead[:-1], 2, lead[-1], n_s, 3))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -218,15 +220,15 @@ def wall_states(
     x, first = _stations(gauges.x)
     moved = np.concatenate([x - along[first], x, x + along[first]])
     stations = distinct_stations(moved)
-    fore, at, aft = station_index(stations, moved).reshape(3, -1)
+    fore, middle, aft = station_index(stations, moved).reshape(3, -1)
     pairs = [_thin_and_thick(mesh, wall, regions, k, WALL_STEP) for k in range(count)]
-    expected = ExpectedWall(mesh, wall.material, stations, at, n_m)
+    expected = ExpectedWall(mesh, wall.material, stations, middle, n_m)
     thicker = [_thicker(expected, wall, regions, k) for k in range(count if with_regions else 0)]
     uneven = [_uneven_change(expected, wall, regions, k) for k in range(len(regions))]
     clamp = None if mesh.masses is not None else ElasticClamp(mesh, wall.material)
     stiffer = [_soft_joint(mesh, wall, station, expected.stiffness) for station in joints]
     stiffer += _stiffer_regions(mesh, wall, regions, expected.stiffness) if with_moduli else []
-    whole = _Kept((), n_m, len(stations), rows)
+    unchanged = _Kept((), n_m, len(stations), rows)
     changed = changed_harmonic + 1
     of_wall, of_square, of_soft, of_uneven = (
         _Kept(lead, changed, len(x), rows, min(LOW, changed_within + 1))
@@ -239,31 +241,34 @@ def wall_states(
     )
     for n in range(n_m):
         solver, adjoint = expected.at_harmonic(n)
-        whole.take(n, adjoint)
+        unchanged.take(n, adjoint)
         if progress is not None:
             progress(n + 1, n_m)
         if n >= changed:
             continue
-        for number, one in enumerate(thicker):
-            per_change, per_square = one.adjoints(solver, n)
+        for number, wall_change in enumerate(thicker):
+            per_change, per_square = wall_change.adjoints(solver, n)
             of_wall.take(n, per_change, number)
             of_square.take(n, per_square, number)
         if clamp is not None:
             of_soft.take(n, clamp.adjoints(expected.stiffness, solver, strain_rows(mesh, x, n), n), slice(2))
-        for number, other in enumerate(stiffer, start=2):
-            of_soft.take(n, other.adjoint(expected.at_gauges(n), solver, n), number)
+        for number, wall_change in enumerate(stiffer, start=2):
+            of_soft.take(n, wall_change.adjoint(expected.at_gauges(n), solver, n), number)
         for place, change in uneven_adjoints(uneven, expected, solver, n):
             of_uneven.take(n, change, *place)
-    bare = [_forces_only(one, wall, properties, max_harmonic) for one in (mesh, *itertools.chain(*pairs))]
+    bare = [
+        _forces_only(changed_mesh, wall, properties, max_harmonic)
+        for changed_mesh in (mesh, *itertools.chain(*pairs))
+    ]
     return WallStates(
         rows=rows,
-        nominal=whole.adjoint.at(at),
-        fore=whole.adjoint.at(fore),
-        aft=whole.adjoint.at(aft),
-        wall=of_wall.each,
-        wall_twice=of_square.each,
-        uneven=of_uneven.each,
-        soft=of_soft.each,
+        nominal=unchanged.adjoint.at_stations(middle),
+        fore=unchanged.adjoint.at_stations(fore),
+        aft=unchanged.adjoint.at_stations(aft),
+        wall=of_wall.by_first,
+        wall_twice=of_square.by_first,
+        uneven=of_uneven.by_first,
+        soft=of_soft.by_first,
         forces=(bare[0], tuple(bare[1::2]), tuple(bare[2::2])),
         station=station_index(x, gauges.x),
     )
@@ -295,7 +300,7 @@ def _stiffer_regions(
 ) -> list[StifferRegion]:
     """Return the walls whose modulus is larger in one region each."""
     share = regions.share(mesh.node[mesh.element, 0].mean(axis=1))
-    return [StifferRegion(mesh, wall.material, one, even) for one in share.T]
+    return [StifferRegion(mesh, wall.material, weight, even) for weight in share.T]
 
 
 def _soft_joint(mesh: MeridianMesh, wall: Wall, station: float, even: FourierStiffness) -> StifferRegion:
@@ -312,8 +317,8 @@ def _soft_joint(mesh: MeridianMesh, wall: Wall, station: float, even: FourierSti
         )
     distance = np.abs(x.mean(axis=1) - station)
     length = float(np.ptp(x[distance.argmin()]))
-    there = distance < distance.min() + 0.25 * length
-    return StifferRegion(mesh, wall.material, there.astype(np.float64), even, size=-1.0 / length)
+    nearest = distance < distance.min() + 0.25 * length
+    return StifferRegion(mesh, wall.material, nearest.astype(np.float64), even, size=-1.0 / length)
 
 
 def _uneven_change(expected: ExpectedWall, wall: Wall, regions: WallRegions, k: int) -> UnevenChange:
@@ -321,7 +326,7 @@ def _uneven_change(expected: ExpectedWall, wall: Wall, regions: WallRegions, k: 
     step, region = HARMONIC_STEP, np.eye(len(regions))[k]
     plus, minus = (thickened(expected.mesh, wall, regions, sign * step * region) for sign in (1.0, -1.0))
     moved, even = moved_elements(plus, minus), expected.stiffness
-    of_plus, of_minus = (harmonic_product(one, wall.material, even, moved) for one in (plus, minus))
+    of_plus, of_minus = (harmonic_product(wall_mesh, wall.material, even, moved) for wall_mesh in (plus, minus))
     return UnevenChange(plus, minus, step, expected.x, of_plus.less(of_minus, 2.0 * step))
 
 
@@ -359,10 +364,11 @@ class _Kept:
         return Adjoint(outer=self._outer, low=tuple(self._low))
 
     @property
-    def each(self) -> tuple[Adjoint, ...]:
+    def by_first(self) -> tuple[Adjoint, ...]:
         """One adjoint for each of the first dimension."""
         return tuple(
-            Adjoint(outer=outer, low=tuple(one[k] for one in self._low)) for k, outer in enumerate(self._outer)
+            Adjoint(outer=outer, low=tuple(adjoint[k] for adjoint in self._low))
+            for k, outer in enumerate(self._outer)
         )
 
 

@@ -23,7 +23,7 @@ from builder.structure.as_built.as_built_vehicle import AsBuilt
 from builder.structure.as_built.gauge_strain_terms import FlightGauges, gain_of
 from builder.structure.as_built.reading_slopes import CLAMP
 from builder.structure.as_built.response_tables import ResponseTable
-from builder.structure.as_built.revolved import SOLVED, RevolvedStructure, each, revolved_structure
+from builder.structure.as_built.revolved import SOLVED, RevolvedStructure, changed_alike, revolved_structure
 from builder.structure.as_built.wall_harmonics import WAVES
 from builder.structure.as_built_kinds import IN_NOISE
 from builder.structure.fourier.fourier_model import place_layouts
@@ -188,7 +188,7 @@ class TrueFlights(Flights):
         errors of its sensors, None has none."""
         flights = replace(
             self,
-            table=each(self.table, lambda table: table[..., rows, :, :, :]),
+            table=changed_alike(self.table, lambda table: table[..., rows, :, :, :]),
             conditions=self.conditions[rows],
         )
         ambient, inside = self.ambient_pressure[rows, None], self.internal_pressure[rows, None]
@@ -220,7 +220,7 @@ def true_flights(
     of_knots = loads_per_pressure(vehicle, structure.surface, knots)
     (_, even), (_, odd) = weights
     loads = np.column_stack([even @ of_knots[:, 0], odd @ of_knots[:, 1:]])
-    return _flights(vehicle, structure, each(_under(structure, knots), interpolated), loads, conditions)
+    return _flights(vehicle, structure, changed_alike(_under(structure, knots), interpolated), loads, conditions)
 
 
 def flights_of_harmonics(
@@ -243,7 +243,7 @@ def _under(structure: TrueStructure, pressure: FloatArray) -> ResponseTable:
         found: FloatArray = np.einsum("...xmsc,kxm->...kmsc", one[..., :n_m, :, :], pressure, optimize=True)
         return found
 
-    return each(structure.table, of_each)
+    return changed_alike(structure.table, of_each)
 
 
 def _flights(
@@ -319,7 +319,7 @@ def without_faint_harmonics(flights: TrueFlights, faint: float = 2e-4) -> TrueFl
     """Return ``flights`` without the highest harmonics, whose strain is below ``faint`` of the largest."""
     size = np.abs(flights.table.nominal).max(axis=(0, 2, 3))
     kept = int(np.flatnonzero(size > faint * size.max())[-1]) + 1
-    return replace(flights, table=each(flights.table, lambda one: one[..., :kept, :, :]))
+    return replace(flights, table=changed_alike(flights.table, lambda one: one[..., :kept, :, :]))
 
 
 def flight_model(
