@@ -155,7 +155,7 @@ def strain_patterns(structure: Structure, response: SmoothResponse) -> Figure:
     roll = np.linspace(0.0, 360.0, 181)
     names = direction_names(structure.gauge_position, structure.gauge_direction)
     for row, gauges in zip(axes, chosen, strict=True):
-        influence = MICROSTRAIN_PER_KPA * response.of(gauges).influence(x, np.radians(roll))
+        influence = MICROSTRAIN_PER_KPA * response.at_gauges(gauges).influence(x, np.radians(roll))
         for axis, gauge, values in zip(row, gauges.tolist(), influence, strict=False):
             largest = float(np.abs(values).max())
             image = axis.pcolormesh(
@@ -218,7 +218,7 @@ def waves(structure: Structure, response: SmoothResponse) -> Figure:
     image: Any = None
     for axis, layout in zip(axes, layouts, strict=True):
         gauges = structure.gauges_of(layout)
-        values = MICROSTRAIN_PER_KPA * wave_response(response.of(gauges))
+        values = MICROSTRAIN_PER_KPA * wave_response(response.at_gauges(gauges))
         image = axis.imshow(
             np.maximum(values, 1e-30),
             norm=LogNorm(strongest / HEAT_MAP_RANGE, strongest),
@@ -244,11 +244,11 @@ def singular_values(structure: Structure, response: SmoothResponse) -> Figure:
     decay, classes = figure.subplots(1, 2)
     layouts = structure.layouts
     width = 0.8 / len(layouts)
-    responses = {layout: symmetry_responses(response.of(structure.gauges_of(layout))) for layout in layouts}
+    responses = {layout: symmetry_responses(response.at_gauges(structure.gauges_of(layout))) for layout in layouts}
     strongest = MICROSTRAIN_PER_KPA * max(strain.norm for per_class in responses.values() for strain in per_class)
     floor = 0.1 * THRESHOLD * strongest
     for number, layout in enumerate(layouts):
-        values = MICROSTRAIN_PER_KPA * response.of(structure.gauges_of(layout)).singular_values()
+        values = MICROSTRAIN_PER_KPA * response.at_gauges(structure.gauges_of(layout)).singular_values()
         decay.semilogy(
             np.arange(1, len(values) + 1), values, ".-", color=f"C{number}", linewidth=1.0, label=layout
         )

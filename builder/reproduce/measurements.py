@@ -246,7 +246,7 @@ def class_rows(
     fractions = _class_fractions(prior, grid)
     rows = []
     for layout, names in layouts.items():
-        responses = symmetry_responses(every.of(np.array(model.indices(names))))
+        responses = symmetry_responses(every.at_gauges(np.array(model.indices(names))))
         rows += [
             ClassRow(
                 model=model.name,

@@ -35,9 +35,9 @@ def check_gauges(vehicle: Vehicle) -> dict[str, int]:
     if vehicle.structure.model == "solid":
         gauges = {name: solid_gauges(vehicle, name, mesh) for name in names}
         layout_rows(make_mesh(vehicle.body(), wall_of(vehicle), MeshChoice(resolution="coarse")), gauges)
-        return {name: len(one.name) for name, one in gauges.items()}
-    found, _ = place_layouts(vehicle, mesh, names)
-    return {name: len(layout.names) for name, layout in found.items()}
+        return {name: len(gauges_of_layout.name) for name, gauges_of_layout in gauges.items()}
+    placed, _ = place_layouts(vehicle, mesh, names)
+    return {name: len(layout.names) for name, layout in placed.items()}
 
 
 def gauges_in_use(vehicle: Vehicle) -> Gauges:
@@ -66,11 +66,11 @@ def gauges_at_breaks(vehicle: Vehicle) -> Iterator[str]:
         return
     name, length = vehicle.gauges.layout, vehicle.resolution.map.element_length_mm
     wall, gauges = wall_of(vehicle), gauges_in_use(vehicle)
-    for station, of in sorted(change_stations(vehicle.body(), wall).items()):
+    for station, cause in sorted(change_stations(vehicle.body(), wall).items()):
         near = np.abs(gauges.position[:, 0] - station) <= 1e-3 * length + TOUCHES
         if near.any():
-            names = ", ".join(one for one, is_near in zip(gauges.name, near, strict=True) if is_near)
+            names = ", ".join(gauge for gauge, is_near in zip(gauges.name, near, strict=True) if is_near)
             yield (
-                f"gauges.layouts.{name}: {names}: within one element ({length:g} mm) of the change of {of} at "
+                f"gauges.layouts.{name}: {names}: within one element ({length:g} mm) of the change of {cause} at "
                 f"{station:g} m, where strain changes within millimetres; move them at least {length:g} mm away"
             )

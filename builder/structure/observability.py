@@ -55,7 +55,7 @@ class SmoothResponse:
     area: float
     x_range: tuple[float, float]
 
-    def of(self, gauges: IntArray) -> SmoothResponse:
+    def at_gauges(self, gauges: IntArray) -> SmoothResponse:
         """Return the response of some of the gauges."""
         return replace(self, strain=self.strain[gauges])
 
@@ -218,13 +218,13 @@ def symmetry_responses(
     in a class does not observe such pressure.
     """
     low = response.degree <= degree
-    found = [
+    responses = [
         response.singular_values(low & symmetry.waves(response.harmonic, response.sine)) for symmetry in SYMMETRIES
     ]
-    lowest = threshold * max(float(values[0]) for values in found)
+    lowest = threshold * max(float(values[0]) for values in responses)
     return [
         SymmetryResponse(symmetry, values, int((values > lowest).sum()))
-        for symmetry, values in zip(SYMMETRIES, found, strict=True)
+        for symmetry, values in zip(SYMMETRIES, responses, strict=True)
     ]
 
 

@@ -213,11 +213,11 @@ def structure_to_reuse(path: Path) -> Structure | None:
     if not path.exists():
         return None
     try:
-        found = schema_of(path)
+        schema = schema_of(path)
     except InputError:
         return None
-    if found != SCHEMA:
-        raise InputError(f"{path}: holds '{found}', give another name for the structure")
+    if schema != SCHEMA:
+        raise InputError(f"{path}: holds '{schema}', give another name for the structure")
     try:
         return load_structure(path)
     except InputError:

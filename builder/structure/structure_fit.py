@@ -65,33 +65,33 @@ def structure_line(structure: Structure) -> str:
     """Return in a few words what ``structure`` was made of."""
     mesh = structure.settings.get("mesh", {})
     source = mesh.get("file_name") or mesh.get("resolution")
-    of = f" ({source})" if source else ""
-    return f"{structure.model.replace('_', ' ')}{of}, {structure.size}"
+    origin = f" ({source})" if source else ""
+    return f"{structure.model.replace('_', ' ')}{origin}, {structure.size}"
 
 
 def _body_misfits(structure: Structure, body: BodyOfRevolution) -> list[Misfit]:
-    held = structure.settings.get("profile")
-    if held is not None:
-        return profile_misfits(held, body)
+    stated = structure.settings.get("profile")
+    if stated is not None:
+        return profile_misfits(stated, body)
     length = float(np.ptp(structure.point[:, 0]))
     radius = float(np.hypot(structure.point[:, 1], structure.point[:, 2]).max())
     largest = float(body.radius(np.linspace(0.0, body.length, 200)).max())
     pairs = (("length of the mesh", body.length, length), ("largest radius of the mesh", largest, radius))
     return [
-        Misfit(entry=what, expected=f"{expected:.6g} m", actual=f"{found:.6g} m")
-        for what, expected, found in pairs
-        if abs(found / expected - 1.0) > SAME_BODY
+        Misfit(entry=what, expected=f"{expected:.6g} m", actual=f"{actual:.6g} m")
+        for what, expected, actual in pairs
+        if abs(actual / expected - 1.0) > SAME_BODY
     ]
 
 
 def _extent_misfits(structure: Structure, case: SolidCase) -> list[Misfit]:
     """Return the extents along x, y and z in which the surface of a free shape differs from its case's mesh."""
     expected = np.ptp(case.mesh.full.node, axis=0)
-    found = np.ptp(structure.point, axis=0)
+    actual = np.ptp(structure.point, axis=0)
     return [
-        Misfit(entry=f"extent of the mesh along {axis}", expected=f"{wanted:.6g} m", actual=f"{held:.6g} m")
-        for axis, wanted, held in zip("xyz", expected, found, strict=True)
-        if abs(held - wanted) > SAME_BODY * expected.max()
+        Misfit(entry=f"extent of the mesh along {axis}", expected=f"{wanted:.6g} m", actual=f"{actual:.6g} m")
+        for axis, wanted, actual in zip("xyz", expected, actual, strict=True)
+        if abs(actual - wanted) > SAME_BODY * expected.max()
     ]
 
 
@@ -105,24 +105,26 @@ def _entry_misfits(settings: Mapping[str, Any], case: SolidCase) -> list[Misfit]
     ]
     if case.support is None:
         numbers.append(("material.density_kg_per_m3", 1.0, "material", "density_kg_per_m3"))
-    found = []
+    misfits = []
     for entry, factor, section, name in numbers:
-        expected, held = case.record[section].get(name), settings.get(section, {}).get(name)
-        if expected is not None and held is not None and not isclose(held, expected, rel_tol=SAME):
-            found.append(Misfit(entry=entry, expected=f"{factor * expected:.9g}", actual=f"{factor * held:.9g}"))
+        expected, stated = case.record[section].get(name), settings.get(section, {}).get(name)
+        if expected is not None and stated is not None and not isclose(stated, expected, rel_tol=SAME):
+            misfits.append(
+                Misfit(entry=entry, expected=f"{factor * expected:.9g}", actual=f"{factor * stated:.9g}")
+            )
     masses, held_masses = case.record.get("regions_and_masses", {}), settings.get("regions_and_masses", {})
     if held_masses != masses:
         entry = "structure.mesh_materials, point_masses and covers"
-        found.append(Misfit(entry=entry, expected=f"{masses}", actual=f"{held_masses}"))
+        misfits.append(Misfit(entry=entry, expected=f"{masses}", actual=f"{held_masses}"))
     wall, profile = settings.get("wall", {}), case.record["wall"].get("profile", [])
     if wall and wall.get("profile", []) != profile:
-        found.append(
+        misfits.append(
             Misfit(entry="structure.wall_thickness_at", expected=f"{profile}", actual=f"{wall.get('profile', [])}")
         )
     support, held_support = case.record["support"], settings.get("support")
     if held_support is not None and held_support != support:
-        found.append(Misfit(entry="structure.support", expected=_words(support), actual=_words(held_support)))
-    return found
+        misfits.append(Misfit(entry="structure.support", expected=_words(support), actual=_words(held_support)))
+    return misfits
 
 
 def _gauges(structure: Structure, case: SolidCase) -> list[Misfit]:
@@ -132,8 +134,8 @@ def _gauges(structure: Structure, case: SolidCase) -> list[Misfit]:
     """
     for layout, wanted in case.layouts.items():
         if layout not in structure.layouts:
-            held = ", ".join(name for name in structure.layouts if not is_displaced(name))
-            return [Misfit(entry="gauges", expected=f"layout '{layout}'", actual=f"the layouts {held}")]
+            layouts = ", ".join(name for name in structure.layouts if not is_displaced(name))
+            return [Misfit(entry="gauges", expected=f"layout '{layout}'", actual=f"the layouts {layouts}")]
         misfit = _gauge_misfit(structure, layout, wanted)
         if misfit is not None:
             return [misfit]
@@ -155,23 +157,23 @@ def _gauge_misfit(structure: Structure, layout: str, wanted: Gauges) -> Misfit |
             ("direction", direction[number], structure.gauge_direction[i]),
             ("length [m]", wanted.length[number], structure.gauge_length[i]),
         )
-        for what, expected, held in pairs:
-            if not _same(expected, held):
+        for what, expected, stated in pairs:
+            if not _same(expected, stated):
                 entry = f"{where}, gauge {number + 1} ({wanted.name[number]}), {what}"
-                return Misfit(entry=entry, expected=_text(expected), actual=_text(held))
+                return Misfit(entry=entry, expected=_text(expected), actual=_text(stated))
     return None
 
 
-def _same(expected: Any, held: Any) -> bool:
+def _same(expected: Any, stated: Any) -> bool:
     if isinstance(expected, str):
-        return bool(expected == held)
-    return bool(np.allclose(expected, held, rtol=SAME, atol=SAME))
+        return bool(expected == stated)
+    return bool(np.allclose(expected, stated, rtol=SAME, atol=SAME))
 
 
 def _text(value: Any) -> str:
     if isinstance(value, str):
         return f"'{value}'"
-    return " ".join(f"{one:.6g}" for one in np.atleast_1d(value))
+    return " ".join(f"{number:.6g}" for number in np.atleast_1d(value))
 
 
 def _words(support: Mapping[str, Any]) -> str:

@@ -175,37 +175,39 @@ def flight_masses(vehicle: Vehicle) -> FlightMasses | None:
         return None
     return FlightMasses(
         density=density,
-        points=tuple((one.x_m, one.mass_kg) for one in entry.point_masses),
-        covers=tuple((one.start_x_m, one.end_x_m, one.mass_kg_per_m2) for one in entry.covers),
+        points=tuple((mass.x_m, mass.mass_kg) for mass in entry.point_masses),
+        covers=tuple((cover.start_x_m, cover.end_x_m, cover.mass_kg_per_m2) for cover in entry.covers),
         has_stiff_base=entry.base == "stiff",
     )
 
 
 def wall_of(vehicle: Vehicle) -> Wall:
     """Return the wall, its materials and frames, and what holds it."""
-    entry, own = vehicle.structure, vehicle.material
+    entry, material_entry = vehicle.structure, vehicle.material
     assert entry.solid_tip_length_m is not None  # with a profile and with sections
-    material = {name: material_of(one) for name, one in vehicle.materials.items()}
-    density = {name: one.density_kg_per_m3 for name, one in vehicle.materials.items()}
+    material = {name: material_of(entry_of_material) for name, entry_of_material in vehicle.materials.items()}
+    density = {name: entry_of_material.density_kg_per_m3 for name, entry_of_material in vehicle.materials.items()}
     return Wall(
         thickness=1e-3 * entry.wall_thickness_mm,
         solid_tip_length=entry.solid_tip_length_m,
-        material=material_of(own),
-        profile=tuple((one.x_m, one.thickness_mm / entry.wall_thickness_mm) for one in entry.wall_thickness_at),
+        material=material_of(material_entry),
+        profile=tuple(
+            (station.x_m, station.thickness_mm / entry.wall_thickness_mm) for station in entry.wall_thickness_at
+        ),
         regions=tuple(
-            WallRegion(start=one.start_x_m, end=one.end_x_m, material=material[name], density=density[name])
-            for one in entry.regions
-            for name in (one.material,)
+            WallRegion(start=region.start_x_m, end=region.end_x_m, material=material[name], density=density[name])
+            for region in entry.regions
+            for name in (region.material,)
         ),
         frames=tuple(
             RingFrame(
-                station=one.x_m,
-                width=1e-3 * one.width_mm,
-                depth=None if one.depth_mm == "closed" else 1e-3 * one.depth_mm,
-                material=None if one.material is None else material[one.material],
-                density=None if one.material is None else density[one.material],
+                station=frame.x_m,
+                width=1e-3 * frame.width_mm,
+                depth=None if frame.depth_mm == "closed" else 1e-3 * frame.depth_mm,
+                material=None if frame.material is None else material[frame.material],
+                density=None if frame.material is None else density[frame.material],
             )
-            for one in entry.frames
+            for frame in entry.frames
         ),
         flight=flight_masses(vehicle) if entry.support == "free_flight" else None,
         foundation=None

@@ -85,7 +85,7 @@ def test_singular_values_of_orthogonal_gauges() -> None:
     expected = np.array([1.0, 2.0 * sqrt(1.0 / 6.0), 5.0 * sqrt(1.0 / 10.0)]) * AREA
     np.testing.assert_allclose(response.singular_values(), np.sort(expected)[::-1], rtol=3e-3)
     np.testing.assert_allclose(
-        [response.of(np.array([i])).singular_values()[0] for i in range(3)], expected, rtol=3e-3
+        [response.at_gauges(np.array([i])).singular_values()[0] for i in range(3)], expected, rtol=3e-3
     )
 
 

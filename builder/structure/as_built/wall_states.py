@@ -252,8 +252,8 @@ def wall_states(
             of_square.take(n, per_square, number)
         if clamp is not None:
             of_soft.take(n, clamp.adjoints(expected.stiffness, solver, strain_rows(mesh, x, n), n), slice(2))
-        for number, wall_change in enumerate(stiffer, start=2):
-            of_soft.take(n, wall_change.adjoint(expected.at_gauges(n), solver, n), number)
+        for number, region in enumerate(stiffer, start=2):
+            of_soft.take(n, region.adjoint(expected.at_gauges(n), solver, n), number)
         for place, change in uneven_adjoints(uneven, expected, solver, n):
             of_uneven.take(n, change, *place)
     bare = [

@@ -56,12 +56,12 @@ class ThinnedNodes:
     Attributes
     ----------
     spread : (n, n) the part of the force at node i (row) that node j takes; columns of nodes left out are empty.
-    kept : number of nodes that take forces.
+    n_nodes : number of nodes that take forces.
     factor : error of all nodes over the difference of the two, for an error in proportion to the spacing's square.
     """
 
     spread: csr_array
-    kept: int
+    n_nodes: int
     factor: float
 
     def on_kept(self, strain_per_force: FloatArray) -> FloatArray:
@@ -74,12 +74,12 @@ def thinned(surface: SurfaceMesh) -> ThinnedNodes:
 
     Every force keeps its size, and its moment as far as the kept nodes round it span its place.
     """
-    kept = _apart(surface)
-    n, m = surface.n_nodes, min(NEIGHBOURS, len(kept))
-    distance, nearest = cKDTree(surface.point[kept]).query(surface.point, k=m)
+    nodes = _apart(surface)
+    n, m = surface.n_nodes, min(NEIGHBOURS, len(nodes))
+    distance, nearest = cKDTree(surface.point[nodes]).query(surface.point, k=m)
     distance, nearest = distance.reshape(n, m), nearest.reshape(n, m)
     scale = distance[:, -1:] + 1e-300
-    arm = (surface.point[kept[nearest]] - surface.point[:, None]) / scale[:, :, None]
+    arm = (surface.point[nodes[nearest]] - surface.point[:, None]) / scale[:, :, None]
     near = 1.0 / ((distance / scale) ** 2 + 1e-6)  # weights are dear far away
     rows = np.concatenate([np.ones((n, 1, m)), arm.transpose(0, 2, 1)], axis=1)  # sum of weights, and place
     gram = np.einsum("nim,nm,njm->nij", rows, near, rows) + np.eye(4) / MOMENT
@@ -87,10 +87,10 @@ def thinned(surface: SurfaceMesh) -> ThinnedNodes:
     wanted[:, 0] = 1.0
     weight = near * np.einsum("nim,ni->nm", rows, np.linalg.solve(gram, wanted)[:, :, 0])
     weight /= weight.sum(axis=1, keepdims=True)
-    weight[kept], nearest[kept] = np.eye(m)[0], np.arange(len(kept))[:, None]
-    place = (np.repeat(np.arange(n), m), kept[nearest].ravel())
+    weight[nodes], nearest[nodes] = np.eye(m)[0], np.arange(len(nodes))[:, None]
+    place = (np.repeat(np.arange(n), m), nodes[nearest].ravel())
     spread = csr_array((weight.ravel(), place), shape=(n, n))
-    return ThinnedNodes(spread, len(kept), 1.0 / max(n / len(kept) - 1.0, 1e-3))
+    return ThinnedNodes(spread, len(nodes), 1.0 / max(n / len(nodes) - 1.0, 1e-3))
 
 
 def _apart(surface: SurfaceMesh) -> IntArray:
@@ -127,12 +127,12 @@ def check_equilibrium(path: Path, node: FloatArray, strain_per_force: FloatArray
     InputError
         The axial gauges' strain is no straight line with its zero at the gauge, or of the wrong sign.
     """
-    found = lateral_lines(node, strain_per_force, gauges)
-    if not len(found):
+    lines = lateral_lines(node, strain_per_force, gauges)
+    if not len(lines):
         return
-    r2, shift, slope = np.median(found, axis=0)
+    r2, shift, slope = np.median(lines, axis=0)
     words = (
-        f"axial strain linear in the station of a lateral force, zero at the gauge (middle of {len(found)} gauges)"
+        f"axial strain linear in the station of a lateral force, zero at the gauge (middle of {len(lines)} gauges)"
     )
     if r2 < LEAST_R2:
         raise InputError(
@@ -161,22 +161,22 @@ def lateral_lines(node: FloatArray, strain_per_force: FloatArray, gauges: Gauges
     bins = [part for part in np.array_split(order, STATIONS) if len(part)]
     station = np.array([x[part].mean() for part in bins])
     unit = gauges.direction / np.linalg.norm(gauges.direction, axis=1, keepdims=True)
-    found = []
+    lines = []
     for gauge in np.flatnonzero(np.abs(unit[:, 0]) > AXIAL):
-        at = gauges.position[gauge]
-        off_axis = float(np.hypot(at[1], at[2]))
-        ahead = station < at[0] - NEAR * length
+        position = gauges.position[gauge]
+        off_axis = float(np.hypot(position[1], position[2]))
+        ahead = station < position[0] - NEAR * length
         if ahead.sum() < FEWEST or off_axis == 0.0:
             continue
-        across = strain_per_force[gauge, :, 1:] @ (at[1:] / off_axis)
+        across = strain_per_force[gauge, :, 1:] @ (position[1:] / off_axis)
         mean = np.array([across[part].mean() for part in bins])[ahead]
         slope, start = np.polyfit(station[ahead], mean, 1)
         rest = mean - (slope * station[ahead] + start)
         r2 = 1.0 - float(rest @ rest) / max(float(np.sum((mean - mean.mean()) ** 2)), 1e-300)
         zero = -start / slope if slope else np.inf
         # A force ahead pushes its side into compression, the less the nearer it is: strain rises with the station.
-        found.append([r2, (zero - at[0]) / length, -np.sign(slope)])
-    return np.array(found).reshape(-1, 3)
+        lines.append([r2, (zero - position[0]) / length, -np.sign(slope)])
+    return np.array(lines).reshape(-1, 3)
 
 
 MODEL = "influence"
@@ -206,27 +206,27 @@ def structure_of_influence(
         A file is wrong, does not fit the gauges, or its strains are out of equilibrium with its forces.
     """
     influence = read_influence(path, facets, results)
-    kept = columns_found(path, influence.column, layouts, vehicle.gauges.layout)
-    index = [influence.column.index(name) for names in kept.values() for name in names]
+    columns = columns_found(path, influence.column, layouts, vehicle.gauges.layout)
+    index = [influence.column.index(name) for names in columns.values() for name in names]
     strain = influence.strain_per_force[index]
-    whole = _outward(influence)
-    surface, column = split_facets(influence.node, influence.facet) if influence.split else (whole, None)
+    outward = _outward(influence)
+    surface, column = split_facets(influence.node, influence.facet) if influence.split else (outward, None)
     if vehicle.structure.support == "clamped_aft":
         in_use = layouts[vehicle.gauges.layout]
-        rows = [influence.column.index(name) for name in kept[vehicle.gauges.layout]]
+        rows = [influence.column.index(name) for name in columns[vehicle.gauges.layout]]
         check_equilibrium(path, influence.node, influence.strain_per_force[rows], in_use)
     load = facet_pressure_load(influence.node, influence.facet, column)
     flat = strain.reshape(len(strain), -1)
-    thin = thinned(whole)
+    thin = thinned(outward)
     check = MeshCheck(
-        against=f"forces on {thin.kept} of its {len(influence.node)} nodes",
+        against=f"forces on {thin.n_nodes} of its {len(influence.node)} nodes",
         factor=thin.factor,
         strain_operator=np.asarray(thin.on_kept(strain).reshape(len(strain), -1) @ load),
     )
     return structure_of_operator(
         np.asarray(flat @ load),
         surface,
-        {name: layouts[name] for name in kept},
+        {name: layouts[name] for name in columns},
         vehicle,
         model=MODEL,
         path=path,
@@ -261,9 +261,9 @@ def external_inputs(vehicle: Vehicle) -> list[str]:
     """
     entry = vehicle.structure
     named = [entry.influence_facets, entry.nastran_gauges, *entry.nastran_results]
-    beside = [vehicle.beside(name) for name in named if name is not None]
-    found = [path for path in beside if path.is_file()]
-    return [sha256(path.read_bytes()).hexdigest() for path in (external_file(vehicle), *found)]
+    named_paths = [vehicle.beside(name) for name in named if name is not None]
+    files = [path for path in named_paths if path.is_file()]
+    return [sha256(path.read_bytes()).hexdigest() for path in (external_file(vehicle), *files)]
 
 
 def external_file(vehicle: Vehicle) -> Path:
@@ -311,12 +311,12 @@ def influence_of(vehicle: Vehicle) -> tuple[Influence, dict[str, tuple[str, ...]
     entry, in_use = vehicle.structure, vehicle.gauges.layout
     if entry.external is None:
         case = structure_case(vehicle, [in_use])
-        found, layouts = solved_influence(case, in_use, Path("structure")), case.layouts
+        influence, layouts = solved_influence(case, in_use, Path("structure")), case.layouts
     else:
         layouts = structure_case(vehicle, [in_use]).layouts
         facets = None if entry.influence_facets is None else vehicle.beside(entry.influence_facets)
-        found = read_influence(external_file(vehicle), facets, nastran_strains(vehicle, layouts))
-    return found, columns_found(found.path, found.column, layouts, in_use)
+        influence = read_influence(external_file(vehicle), facets, nastran_strains(vehicle, layouts))
+    return influence, columns_found(influence.path, influence.column, layouts, in_use)
 
 
 def solved_influence(case: SolidCase, in_use: str, path: Path) -> Influence:

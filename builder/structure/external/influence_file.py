@@ -174,12 +174,14 @@ def _from_csv(path: Path, facets: Path, results: SubcaseStrains | None) -> Influ
         label, direction = row[place["node"]], row[place["direction"]].lower()
         if direction not in ("x", "y", "z"):
             raise InputError(f"{where}: direction: expected x, y or z, got '{direction}'")
-        at = [table_number(row[place[name]], f"{where}, column '{name}'") for name in ("x_m", "y_m", "z_m")]
+        position = [table_number(row[place[name]], f"{where}, column '{name}'") for name in ("x_m", "y_m", "z_m")]
         if label not in number:
             number[label] = len(points)
-            points.append(at)
-        if points[number[label]] != at:
-            raise InputError(f"{where}: node {label}: expected one place, got {at} after {points[number[label]]}")
+            points.append(position)
+        if points[number[label]] != position:
+            raise InputError(
+                f"{where}: node {label}: expected one place, got {position} after {points[number[label]]}"
+            )
         force = table_number(row[place[FORCE_COLUMN]], f"{where}, column '{FORCE_COLUMN}'")
         if force == 0.0:
             raise InputError(f"{where}: {FORCE_COLUMN}: expected the force that was applied, got 0")

@@ -144,7 +144,13 @@ def _gauge_table(layouts: Mapping[str, Gauges], in_use: str) -> str:
         unit = gauges.direction / np.linalg.norm(gauges.direction, axis=1, keepdims=True)
         for i, column in enumerate(columns):
             numbers = [1e3 * gauges.length[i], *gauges.position[i], *unit[i]]
-            cells = [column, gauges.name[i], layout, gauges.surface[i], *(f"{float(one):.12g}" for one in numbers)]
+            cells = [
+                column,
+                gauges.name[i],
+                layout,
+                gauges.surface[i],
+                *(f"{float(number):.12g}" for number in numbers),
+            ]
             writer.writerow(cells)
     return text.getvalue()
 

@@ -81,11 +81,11 @@ class Predictions:
     def without_worst(self) -> Predictions:
         """Return the predictions of the other cases from each other."""
         j = self.worst
-        kept = np.delete(np.arange(len(self.inverse)), j)
-        share = self.inverse[kept, j] / self.inverse[j, j]
+        remaining = np.delete(np.arange(len(self.inverse)), j)
+        share = self.inverse[remaining, j] / self.inverse[j, j]
         return Predictions(
-            self.inverse[np.ix_(kept, kept)] - np.outer(share, self.inverse[j, kept]),
-            self.amplitude[kept] - np.outer(share, self.amplitude[j]),
+            self.inverse[np.ix_(remaining, remaining)] - np.outer(share, self.inverse[j, remaining]),
+            self.amplitude[remaining] - np.outer(share, self.amplitude[j]),
         )
 
 
@@ -113,15 +113,15 @@ def check_cases(pressure: FloatArray, strain: FloatArray, names: tuple[str, ...]
     if n_flown < FEWEST:
         return
     size[size == 0.0] = 1.0
-    shape, found = (pressure / size)[:n_flown], (strain / size)[:n_flown]
-    predictions = predicted(shape, found)
-    worst, others = predictions.worst, predictions
+    shape, strain_shape = (pressure / size)[:n_flown], (strain / size)[:n_flown]
+    predictions = predicted(shape, strain_shape)
+    worst, rest = predictions.worst, predictions
     for _ in range(EXCHANGED):
-        others = others.without_worst()
+        rest = rest.without_worst()
     error = predictions.error(worst)
-    larger = max(float(np.linalg.norm(one)) for one in (found[worst], found[worst] - error))
+    larger = max(float(np.linalg.norm(values)) for values in (strain_shape[worst], strain_shape[worst] - error))
     odd = float(np.linalg.norm(error)) / max(larger, 1e-300)
-    if odd > ODD and predictions.score[worst] > ODD_OVER_USUAL * float(np.median(others.score)):
+    if odd > ODD and predictions.score[worst] > ODD_OVER_USUAL * float(np.median(rest.score)):
         raise InputError(
             f"{names[worst]}: expected the strain that the other cases predict, within {100.0 * ODD:g} %, got one "
             f"{100.0 * odd:.3g} % off: a wrong load, sign or unit, or exchanged with another case?"
@@ -169,15 +169,17 @@ def structure_of_strains(
             "strains are known under the listed conditions alone"
         )
     table, cases = read_strain_table(path, results), load_cases(vehicle, snapshots)
-    kept = columns_found(path, table.column, layouts, vehicle.gauges.layout)
-    strain = _strain_of_cases(table, cases)[:, [table.column.index(name) for one in kept.values() for name in one]]
+    columns = columns_found(path, table.column, layouts, vehicle.gauges.layout)
+    strain = _strain_of_cases(table, cases)[
+        :, [table.column.index(name) for names in columns.values() for name in names]
+    ]
     names = _names(table, cases)
     check_cases(cases.pressure, strain, names, len(cases.conditions))
     operator = smallest_operator(cases.pressure, strain, names)
     return structure_of_operator(
         operator,
         cases.surface,
-        {name: layouts[name] for name in kept},
+        {name: layouts[name] for name in columns},
         vehicle,
         model=MODEL,
         path=path,
@@ -218,16 +220,16 @@ def smallest_operator(pressure: FloatArray, strain: FloatArray, names: tuple[str
     # Of equal size: the uniform case and one at low dynamic pressure count alike.
     size = np.linalg.norm(pressure, axis=1, keepdims=True)
     size[size == 0.0] = 1.0
-    left, deviation, right = np.linalg.svd(pressure / size, full_matrices=False)
-    kept = deviation > DEPENDENT * deviation[0]
+    output, deviation, right = np.linalg.svd(pressure / size, full_matrices=False)
+    significant = deviation > DEPENDENT * deviation[0]
     unit = strain / size
-    amplitude = left[:, kept].T @ unit
+    amplitude = output[:, significant].T @ unit
     rms = np.linalg.norm(unit, axis=1)
-    rest = np.linalg.norm(unit - left[:, kept] @ amplitude, axis=1)
+    rest = np.linalg.norm(unit - output[:, significant] @ amplitude, axis=1)
     worst = int(rest.argmax())
     if rest[worst] > LINEARITY * rms.max():
         raise InputError(
             f"{names[worst]}: expected the strain that its load has as a combination of the others, got "
             f"{rest[worst] / max(rms[worst], 1e-300):.2g} of it more; is the analysis linear?"
         )
-    return np.asarray((amplitude / deviation[kept, None]).T @ right[kept])
+    return np.asarray((amplitude / deviation[significant, None]).T @ right[significant])

@@ -73,16 +73,16 @@ class StrainCells:
 
 
 def strain_cells(
-    path: Path, header: Sequence[str], others: Sequence[str], results: SubcaseStrains | None
+    path: Path, header: Sequence[str], other_columns: Sequence[str], results: SubcaseStrains | None
 ) -> StrainCells:
-    """Return where the rows below ``header`` have their strains; ``others`` are its other columns.
+    """Return where the rows below ``header`` have their strains; ``other_columns`` are its others.
 
     Raises
     ------
     InputError
         The columns do not fit ``results``; the message begins with ``path``.
     """
-    known = (*others, UNIT_COLUMN, SUBCASE_COLUMN)
+    known = (*other_columns, UNIT_COLUMN, SUBCASE_COLUMN)
     gauges = tuple(k for k, name in enumerate(header) if name not in known)
     if results is None:
         if SUBCASE_COLUMN in header:

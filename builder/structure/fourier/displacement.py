@@ -49,8 +49,8 @@ def displacement_operator(
     Errors are as in :func:`builder.structure.fourier.strain_operator.harmonic_response`.
     """
     rows = displacement_rows(mesh, targets.x)
-    found = response_of_rows(mesh, material, lambda _: rows, grid.x, max_harmonic)
-    axial, radial, around = found.reshape(len(targets.x), 3, *found.shape[1:]).transpose(1, 0, 2, 3)
+    response = response_of_rows(mesh, material, lambda _: rows, grid.x, max_harmonic)
+    axial, radial, around = response.reshape(len(targets.x), 3, *response.shape[1:]).transpose(1, 0, 2, 3)
     sin, cos = np.sin(targets.roll_angle), np.cos(targets.roll_angle)
     along_x, along_y, along_z = targets.direction.T
     outward, tangential = along_y * sin + along_z * cos, along_y * cos - along_z * sin

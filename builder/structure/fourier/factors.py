@@ -63,14 +63,14 @@ class Factors:
         ``dof`` (n,) are the unknowns among them, all by default; the others are zero.
         """
         place = self.order if dof is None else dof[self.order]
-        found, sides = np.zeros(sides.shape), np.ascontiguousarray(sides)
+        answer, sides = np.zeros(sides.shape), np.ascontiguousarray(sides)
         for first in range(0, len(sides), BLOCK):
             block = slice(first, first + BLOCK)
             by_unknown = np.empty((len(place), len(sides[block])))
             _gather(sides[block], place, by_unknown)
             _substitute(self.rows, self.columns, self.inverse, by_unknown)
-            _scatter(by_unknown, place, found[block])
-        return found
+            _scatter(by_unknown, place, answer[block])
+        return answer
 
 
 def factored(matrix: csc_array) -> Factors:
@@ -123,43 +123,43 @@ def _empty_lines(n: int, n_nonzero: int) -> Lines:
 @compiled
 def _set_columns(band: FloatArray, lines: Lines) -> None:
     """Set ``lines`` to the columns of a factor, which ``band`` (n, w + 1) holds from the diagonal down."""
-    at = 0
+    entry = 0
     for column in range(band.shape[0]):
         for below in range(1, band.shape[1]):
             if band[column, below] != 0.0:
-                lines.place[at], lines.entry[at] = column + below, band[column, below]
-                at += 1
-        lines.start[column + 1] = at
+                lines.place[entry], lines.entry[entry] = column + below, band[column, below]
+                entry += 1
+        lines.start[column + 1] = entry
 
 
 @compiled
 def _set_rows(band: FloatArray, lines: Lines) -> None:
     """Set ``lines`` to the rows of a factor, whose columns ``band`` (n, w + 1) holds from the diagonal down."""
-    at = 0
+    entry = 0
     for row in range(band.shape[0]):
         for column in range(max(row - band.shape[1] + 1, 0), row):
             if band[column, row - column] != 0.0:
-                lines.place[at], lines.entry[at] = column, band[column, row - column]
-                at += 1
-        lines.start[row + 1] = at
+                lines.place[entry], lines.entry[entry] = column, band[column, row - column]
+                entry += 1
+        lines.start[row + 1] = entry
 
 
 @compiled
-def _gather(sides: FloatArray, place: IntArray, found: FloatArray) -> None:
-    """Set ``found`` (n, k) to the entries ``place`` (n,) of ``sides`` (k, n_dof)."""
-    n, k = found.shape
+def _gather(sides: FloatArray, place: IntArray, gathered: FloatArray) -> None:
+    """Set ``gathered`` (n, k) to the entries ``place`` (n,) of ``sides`` (k, n_dof)."""
+    n, k = gathered.shape
     for i in range(n):
         for c in range(k):
-            found[i, c] = sides[c, place[i]]
+            gathered[i, c] = sides[c, place[i]]
 
 
 @compiled
-def _scatter(solution: FloatArray, place: IntArray, found: FloatArray) -> None:
-    """Set the entries ``place`` (n,) of ``found`` (k, n_dof) to ``solution`` (n, k)."""
+def _scatter(solution: FloatArray, place: IntArray, scattered: FloatArray) -> None:
+    """Set the entries ``place`` (n,) of ``scattered`` (k, n_dof) to ``solution`` (n, k)."""
     n, k = solution.shape
     for i in range(n):
         for c in range(k):
-            found[c, place[i]] = solution[i, c]
+            scattered[c, place[i]] = solution[i, c]
 
 
 @compiled
@@ -179,15 +179,15 @@ def _substitute(rows: Lines, columns: Lines, inverse: FloatArray, side: FloatArr
 @inlined
 def _subtract(lines: Lines, i: int, side: FloatArray) -> None:
     """Subtract from row ``i`` of ``side`` (n, k) what line ``i`` makes of other rows."""
-    place, entry, at, end = lines.place, lines.entry, lines.start[i], lines.start[i + 1]
-    while at + 4 <= end:  # four at once: the row is read and written a fourth as often
-        first, second, third, fourth = place[at], place[at + 1], place[at + 2], place[at + 3]
-        a_1, a_2, a_3, a_4 = entry[at], entry[at + 1], entry[at + 2], entry[at + 3]
+    place, entry, index, end = lines.place, lines.entry, lines.start[i], lines.start[i + 1]
+    while index + 4 <= end:  # four at once: the row is read and written a fourth as often
+        first, second, third, fourth = place[index], place[index + 1], place[index + 2], place[index + 3]
+        a_1, a_2, a_3, a_4 = entry[index], entry[index + 1], entry[index + 2], entry[index + 3]
         for c in range(side.shape[1]):
-            other = a_1 * side[first, c] + a_2 * side[second, c] + a_3 * side[third, c] + a_4 * side[fourth, c]
-            side[i, c] -= other
-        at += 4
-    while at < end:
+            part = a_1 * side[first, c] + a_2 * side[second, c] + a_3 * side[third, c] + a_4 * side[fourth, c]
+            side[i, c] -= part
+        index += 4
+    while index < end:
         for c in range(side.shape[1]):
-            side[i, c] -= entry[at] * side[place[at], c]
-        at += 1
+            side[i, c] -= entry[index] * side[place[index], c]
+        index += 1

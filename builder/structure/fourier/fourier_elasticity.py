@@ -128,7 +128,7 @@ def assembled(terms: Sequence[FloatArray], place: NDArray[np.intp], n_nonzero: i
     -------
     (n_terms, n_nonzero) in the unit of the terms.
     """
-    return np.array([np.bincount(place, one.ravel(), n_nonzero) for one in terms], dtype=np.float64)
+    return np.array([np.bincount(place, term.ravel(), n_nonzero) for term in terms], dtype=np.float64)
 
 
 def _pattern(mesh: MeridianMesh) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]:
@@ -148,7 +148,9 @@ def stress_times_weight(
     """Return stress times weight of strains (n_e, n_q, 6, 27)."""
     if mesh.material_of is None:
         return np.asarray(np.einsum("ij,eqjb,eq->eqib", material.stiffness, strain, weight))
-    stiffness = np.stack([one.stiffness for one in (material, *mesh.materials)])[mesh.material_of]
+    stiffness = np.stack([material_of_mesh.stiffness for material_of_mesh in (material, *mesh.materials)])[
+        mesh.material_of
+    ]
     return np.asarray(np.einsum("eij,eqjb,eq->eqib", stiffness, strain, weight))
 
 
@@ -343,12 +345,12 @@ def _of_free(matrix: csc_array, free: csc_array) -> csc_array:
     number[dof] = np.arange(len(dof))
     column = np.repeat(number, np.diff(matrix.indptr))
     row = number[matrix.indices]
-    kept = (row >= 0) & (column >= 0)
-    count = np.bincount(column[kept], minlength=len(dof))
+    is_free = (row >= 0) & (column >= 0)
+    count = np.bincount(column[is_free], minlength=len(dof))
     pointer = np.concatenate([[0], np.cumsum(count)])
-    found = csc_array((matrix.data[kept], row[kept], pointer), shape=(len(dof), len(dof)))
-    found.eliminate_zeros()
-    return found
+    reduced = csc_array((matrix.data[is_free], row[is_free], pointer), shape=(len(dof), len(dof)))
+    reduced.eliminate_zeros()
+    return reduced
 
 
 def rigid_motions(mesh: MeridianMesh, harmonic: int) -> FloatArray:
@@ -357,8 +359,8 @@ def rigid_motions(mesh: MeridianMesh, harmonic: int) -> FloatArray:
     Axial translation for m = 0; translation along z and rotation about y for m = 1; none above.
     """
     x, r = mesh.node.T
-    zero, one = np.zeros_like(x), np.ones_like(x)
-    motion = {0: [[one, zero, zero]], 1: [[zero, one, -one], [-r, x, -x]]}.get(harmonic, [])
+    zero, unit = np.zeros_like(x), np.ones_like(x)
+    motion = {0: [[unit, zero, zero]], 1: [[zero, unit, -unit], [-r, x, -x]]}.get(harmonic, [])
     return np.array(motion).reshape(len(motion), 3, len(x)).transpose(2, 1, 0).reshape(mesh.n_dof, -1)
 
 
@@ -369,6 +371,6 @@ def _refuse_rigid_motion(mesh: MeridianMesh, free: csc_array, harmonic: int) -> 
         roll = np.zeros((len(mesh.node), 3))
         roll[:, 2] = mesh.node[:, 1]
         rigid = np.column_stack([rigid, roll.ravel()])
-    held = np.bincount(free.indices, minlength=mesh.n_dof) == 0
-    if np.linalg.matrix_rank(rigid[held]) < rigid.shape[1]:
+    is_held = np.bincount(free.indices, minlength=mesh.n_dof) == 0
+    if np.linalg.matrix_rank(rigid[is_held]) < rigid.shape[1]:
         raise InputError(f"the supports leave a rigid motion of harmonic {harmonic} free")

@@ -84,11 +84,11 @@ def structural_model_on(
     """Return :func:`structural_model` with other pressure nodes than ``resolution`` has."""
     wall = wall_of(vehicle)
     mesh = shell_mesh(vehicle.body(), wall, 1e-3 * resolution.element_length_mm, resolution.wall_layers)
-    found, placed = place_layouts(vehicle, mesh, layouts)
+    found_layouts, placed = place_layouts(vehicle, mesh, layouts)
     stations = np.concatenate([gauges.x for gauges in placed.values()])
     harmonics = min(resolution.harmonics, (surface.n_roll - 1) // 2)
     response = harmonic_response(mesh, wall.material, stations, surface.x, harmonics, progress)
-    return StructuralModel(surface=surface, response=response, layouts=found, placed=placed)
+    return StructuralModel(surface=surface, response=response, layouts=found_layouts, placed=placed)
 
 
 def with_mesh_error(model: StructuralModel, vehicle: Vehicle, resolution: Resolution) -> StructuralModel:
@@ -101,15 +101,15 @@ def with_mesh_error(model: StructuralModel, vehicle: Vehicle, resolution: Resolu
     coarse = resolution.model_copy(
         update={"element_length_mm": longer, "harmonics": min(ERROR_HARMONICS, resolution.harmonics)}
     )
-    other = structural_model_on(vehicle, model.surface, coarse, list(model.layouts)).response
-    count = other.max_harmonic + 1
+    coarse_response = structural_model_on(vehicle, model.surface, coarse, list(model.layouts)).response
+    count = coarse_response.max_harmonic + 1
 
     def of(name: str) -> FloatArray:
-        difference: FloatArray = (getattr(other, name) - getattr(model.response, name)[:, :count]) / 2.0
+        difference: FloatArray = (getattr(coarse_response, name) - getattr(model.response, name)[:, :count]) / 2.0
         return difference
 
     error = HarmonicResponse(
-        gauge_x=other.gauge_x, meridional=of("meridional"), hoop=of("hoop"), shear=of("shear")
+        gauge_x=coarse_response.gauge_x, meridional=of("meridional"), hoop=of("hoop"), shear=of("shear")
     )
     return replace(model, error=error)
 
@@ -125,11 +125,12 @@ def place_layouts(
         A gauge is not on the inner surface, or the model cannot do what is requested; the message names it.
     """
     refuse_beyond_fourier(vehicle, layouts)
-    found = {name: gauge_layout(vehicle, name, mesh) for name in layouts}
+    layouts_by_name = {name: gauge_layout(vehicle, name, mesh) for name in layouts}
     placed = {
-        name: place_gauges(mesh, layout.position, layout.direction, layout.names) for name, layout in found.items()
+        name: place_gauges(mesh, layout.position, layout.direction, layout.names)
+        for name, layout in layouts_by_name.items()
     }
-    return found, placed
+    return layouts_by_name, placed
 
 
 def refuse_beyond_fourier(vehicle: Vehicle, layouts: list[str]) -> None:
@@ -154,11 +155,11 @@ def refuse_gauges_beyond_fourier(vehicle: Vehicle, layouts: list[str]) -> None:
     """
     for name in layouts:
         entry = vehicle.gauges.layouts[name]
-        for where, one in _with_surface_and_length(name, entry):
-            if one.surface == "outer":
+        for where, part in _with_surface_and_length(name, entry):
+            if part.surface == "outer":
                 raise InputError(f"{where}.surface: 'outer' found, {CANNOT}")
-            if one.length_mm:
-                raise InputError(f"{where}.length_mm: {one.length_mm:g} found, {CANNOT}")
+            if part.length_mm:
+                raise InputError(f"{where}.length_mm: {part.length_mm:g} found, {CANNOT}")
 
 
 def _with_surface_and_length(

@@ -98,8 +98,8 @@ def held_at_points(mesh: MeridianMesh, stiffness: csc_array, harmonic: int) -> H
     free = free_motions(mesh, harmonic, twist=True)
     loose = np.setdiff1d(np.arange(free.shape[1]), free.tocsr()[dof].indices)
     free = csc_array(free[:, loose])
-    held = csc_array(free.T @ stiffness @ free)
-    return HarmonicSolver(free, factored(held))
+    free_stiffness = csc_array(free.T @ stiffness @ free)
+    return HarmonicSolver(free, factored(free_stiffness))
 
 
 def _cover(mesh: MeridianMesh, start: float, end: float, per_area: float) -> csr_array:

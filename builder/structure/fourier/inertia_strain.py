@@ -90,7 +90,7 @@ def inertia_strain(
     """
     stations = distinct_stations(gauges.x)
     stiffness, field = assemble_stiffness(mesh, material), acceleration_fields(mesh, unit)
-    found = {name: np.zeros((len(gauges.x), N_FIELDS)) for name in parts}
+    strain = {name: np.zeros((len(gauges.x), N_FIELDS)) for name in parts}
     for m in range(HARMONICS):
         rows = strain_rows(mesh, stations, m)
         adjoint = _solver(mesh, stiffness, m).solve(rows.reshape(-1, mesh.n_dof).T).T.reshape(rows.shape)
@@ -100,8 +100,8 @@ def inertia_strain(
             inertia = inertia_matrix(replace(mesh, masses=of_harmonic), m)
             for family in range(2):
                 force = -(inertia @ field[:, family, m].reshape(N_FIELDS, -1).T)
-                found[name] += _at_gauges(gauges, stations, adjoint @ force, m, family)
-    return found
+                strain[name] += _at_gauges(gauges, stations, adjoint @ force, m, family)
+    return strain
 
 
 def rigid_inertia(mesh: MeridianMesh, unit: float) -> FloatArray:
@@ -138,10 +138,10 @@ def bending_strain(
         mode = solver.solve(force)
         mode = mode / np.sqrt((mode.T @ (inertia @ mode)).item())
     by_mode = strain_rows(mesh, stations, 1) @ mode
-    found = np.hstack([_at_gauges(gauges, stations, by_mode, 1, family) for family in (1, 0)])
-    most = np.abs(found).max(axis=0)
-    seen = most > BLIND * most.max()
-    return np.where(seen, found, 0.0) / np.where(seen, most, 1.0)
+    strain = np.hstack([_at_gauges(gauges, stations, by_mode, 1, family) for family in (1, 0)])
+    most = np.abs(strain).max(axis=0)
+    is_seen = most > BLIND * most.max()
+    return np.where(is_seen, strain, 0.0) / np.where(is_seen, most, 1.0)
 
 
 def _solver(mesh: MeridianMesh, stiffness: FourierStiffness, m: int) -> HarmonicSolver | FlyingSolver:

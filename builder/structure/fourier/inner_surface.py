@@ -104,9 +104,9 @@ def _lagrange(node_x: FloatArray, x: FloatArray) -> tuple[FloatArray, FloatArray
     k = node_x.shape[1]
     value, derivative = np.empty_like(node_x), np.empty_like(node_x)
     for a in range(k):
-        others = [b for b in range(k) if b != a]
-        gap = x[:, None] - node_x[:, others]
-        scale = np.prod(node_x[:, [a]] - node_x[:, others], axis=1)
+        remaining = [b for b in range(k) if b != a]
+        gap = x[:, None] - node_x[:, remaining]
+        scale = np.prod(node_x[:, [a]] - node_x[:, remaining], axis=1)
         value[:, a] = np.prod(gap, axis=1) / scale
         # Product rule; gaps may be zero, so no division by them.
         derivative[:, a] = sum(np.prod(np.delete(gap, c, axis=1), axis=1) for c in range(k - 1)) / scale

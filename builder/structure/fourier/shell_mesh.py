@@ -131,10 +131,10 @@ def _stations(body: BodyOfRevolution, wall: Wall, start: float, ends: list[float
             x = a + (b - a) * np.linspace(0.0, 1.0, len(x) + 4000) ** 2  # close where the meridian turns fast
         distance = np.abs(x[:, None] - edge) / reach
         size = length * np.minimum(1.0, FINEST + (1.0 - FINEST) * distance.min(axis=1))
-        each = np.diff(x) * 0.5 * (1.0 / size[:-1] + 1.0 / size[1:])
+        per_length = np.diff(x) * 0.5 * (1.0 / size[:-1] + 1.0 / size[1:])
         if body.tip_angle > STEEP:
-            each += _turns(body, x, SHORTEST_TURN * float(body.radius(start)))
-        count = np.concatenate([[0.0], np.cumsum(each)])
+            per_length += _turns(body, x, SHORTEST_TURN * float(body.radius(start)))
+        count = np.concatenate([[0.0], np.cumsum(per_length)])
         n = max(2, int(np.ceil(count[-1] - 1e-9)))
         stations.append(np.interp(np.linspace(0.0, count[-1], n + 1), count, x)[1:])
         stations[-1][-1] = b
@@ -190,9 +190,9 @@ def _wall_surfaces(
 
 def _inner_corner(body: BodyOfRevolution, wall: Wall, x: float) -> float:
     """Return the station [m] where the inner surfaces before and behind a slope break at ``x`` meet."""
-    before, behind = float(body.angle(x, "upstream")), float(body.angle(x, "downstream"))
-    depth = float(wall.thickness_at(x)) / np.cos(0.5 * (before - behind))
-    return float(x + depth * np.sin(0.5 * (before + behind)))
+    before, aft = float(body.angle(x, "upstream")), float(body.angle(x, "downstream"))
+    depth = float(wall.thickness_at(x)) / np.cos(0.5 * (before - aft))
+    return float(x + depth * np.sin(0.5 * (before + aft)))
 
 
 def _inner_radius(body: BodyOfRevolution, wall: Wall, start: float, end: float, x: FloatArray) -> FloatArray:
@@ -207,8 +207,8 @@ def _inner_radius(body: BodyOfRevolution, wall: Wall, start: float, end: float, 
         foot = np.clip(x - wall.thickness_at(foot) * np.sin(angle), start, end)
     angle = np.where(foot <= start, body.angle(foot, "downstream"), body.angle(foot, "upstream"))
     thickness = wall.thickness_at(foot)
-    beyond = x - foot - thickness * np.sin(angle)
-    return np.asarray(body.radius(foot) - thickness * np.cos(angle) + beyond * np.tan(angle))
+    overshoot = x - foot - thickness * np.sin(angle)
+    return np.asarray(body.radius(foot) - thickness * np.cos(angle) + overshoot * np.tan(angle))
 
 
 def tip_columns(x: FloatArray, radius: FloatArray, last: FloatArray) -> FloatArray:

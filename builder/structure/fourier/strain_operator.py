@@ -205,10 +205,10 @@ def harmonic_response(
         ``max_harmonic`` is negative, stations do not cover the surface, or supports leave a motion free.
     """
     distinct = distinct_stations(gauge_x)
-    found = response_of_rows(
+    response = response_of_rows(
         mesh, material, lambda m: strain_rows(mesh, distinct, m), station_x, max_harmonic, progress
     )
-    meridional, hoop, shear = found.reshape(len(distinct), 3, *found.shape[1:]).transpose(1, 0, 2, 3)
+    meridional, hoop, shear = response.reshape(len(distinct), 3, *response.shape[1:]).transpose(1, 0, 2, 3)
     return HarmonicResponse(gauge_x=distinct, meridional=meridional, hoop=hoop, shear=shear)
 
 
@@ -237,14 +237,14 @@ def response_of_rows(
         adjoint = _solver(mesh, stiffness, m).solve(rows(m).reshape(-1, mesh.n_dof).T)
         return np.asarray((load.T @ adjoint).T)
 
-    found = []
+    parts = []
     # The solver releases the interpreter lock, so harmonics run in parallel; BLAS threads would compete.
     with one_thread_of_blas(), ThreadPoolExecutor(min(processors(), max_harmonic + 1)) as pool:
         for m, response in enumerate(pool.map(of_harmonic, range(max_harmonic + 1))):
-            found.append(response)
+            parts.append(response)
             if progress is not None:
                 progress(m + 1, max_harmonic + 1)
-    return np.stack(found, axis=1)
+    return np.stack(parts, axis=1)
 
 
 def response_to_fields(

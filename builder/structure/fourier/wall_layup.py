@@ -40,12 +40,12 @@ _OUTSIDE = 5
 
 def steps(wall: Wall) -> list[float]:
     """Return the stations of the outer surface [m] near which the wall bends: steps, regions' ends, frames."""
-    found = [x for frame in wall.frames for x in frame.ends]
-    found += [x for region in wall.regions for x in (region.start, region.end)]
+    stations = [x for frame in wall.frames for x in frame.ends]
+    stations += [x for region in wall.regions for x in (region.start, region.end)]
     for (x, share), (after, next_share) in pairwise(wall.profile):
         if wall.thickness * abs(next_share - share) > STEEP * (after - x):
-            found += [x, after]
-    return found
+            stations += [x, after]
+    return stations
 
 
 TOUCHES = 1e-9
@@ -54,8 +54,8 @@ TOUCHES = 1e-9
 
 def change_stations(body: BodyOfRevolution, wall: Wall) -> dict[float, str]:
     """Return the stations [m] near which strain changes within millimetres, and what changes at each."""
-    found = dict.fromkeys((wall.solid_tip_length, *steps(wall)), "thickness, material or frames")
-    return found | dict.fromkeys(body.slope_breaks.tolist(), "slope")
+    causes = dict.fromkeys((wall.solid_tip_length, *steps(wall)), "thickness, material or frames")
+    return causes | dict.fromkeys(body.slope_breaks.tolist(), "slope")
 
 
 def layup_stations(wall: Wall, outer_of: Callable[[float], float]) -> list[float]:
@@ -63,17 +63,17 @@ def layup_stations(wall: Wall, outer_of: Callable[[float], float]) -> list[float
 
     ``outer_of`` returns that over a station of the inner surface, on which the sides of frames are given.
     """
-    found = [x for x, _ in wall.profile]
-    found += [x for region in wall.regions for x in (region.start, region.end)]
-    return found + [outer_of(x) for frame in wall.frames for x in frame.ends]
+    stations = [x for x, _ in wall.profile]
+    stations += [x for region in wall.regions for x in (region.start, region.end)]
+    return stations + [outer_of(x) for frame in wall.frames for x in frame.ends]
 
 
 def outer_station(body: BodyOfRevolution, wall: Wall, inner: float) -> float:
     """Return the station [m] on the outer surface whose inward normal meets the inner surface at ``inner`` [m]."""
     x = inner
     for _ in range(60):
-        at = min(max(x, 0.0), body.length)
-        x = inner - float(wall.thickness_at(at)) * float(np.sin(body.angle(at)))
+        station = min(max(x, 0.0), body.length)
+        x = inner - float(wall.thickness_at(station)) * float(np.sin(body.angle(station)))
     return x
 
 
@@ -86,34 +86,34 @@ def furnished(mesh: MeridianMesh, wall: Wall, element_length: float) -> Meridian
         A frame does not lie on the hollow part, or reaches beyond the axis or into another one.
     """
     materials: list[Material] = [region.material for region in wall.regions]
-    own = 0.0 if wall.flight is None else wall.flight.density
-    densities = [own, *(one or 0.0 for one in other_densities(wall))]
-    of = np.zeros(len(mesh.element), dtype=np.intp)
+    of_wall = 0.0 if wall.flight is None else wall.flight.density
+    densities = [of_wall, *(density or 0.0 for density in other_densities(wall))]
+    material_of = np.zeros(len(mesh.element), dtype=np.intp)
     middle = mesh.node[mesh.element[:, _OUTSIDE], 0]
     for number, region in enumerate(wall.regions, start=1):
-        of[(middle > region.start) & (middle < region.end)] = number
+        material_of[(middle > region.start) & (middle < region.end)] = number
     sides = [NO_NODES]
     for frame in _in_order(wall.frames):
         mesh, at_side, under = _with_frame(mesh, frame, element_length)
         sides.append(at_side)
-        index = int(of[under])
+        index = int(material_of[under])
         if frame.material is not None:
             materials.append(frame.material)
             index = len(materials)
-        of = np.append(of, np.full(len(mesh.element) - len(of), index, dtype=np.intp))
+        material_of = np.append(material_of, np.full(len(mesh.element) - len(material_of), index, dtype=np.intp))
     aft, flight = mesh.clamped_node, wall.flight
-    held = wall.foundation is None if flight is None else flight.has_stiff_base
+    is_clamped = wall.foundation is None if flight is None else flight.has_stiff_base
     return replace(
         mesh,
         materials=tuple(materials),
-        material_of=of if materials else None,
+        material_of=material_of if materials else None,
         inner_break=np.concatenate([*sides, _at_borders(mesh, wall)]),
         covered=np.array([frame.ends for frame in wall.frames]).reshape(-1, 2),
         masses=None
         if flight is None
         else MeridianMasses(density=tuple(densities), points=flight.points, covers=flight.covers),
         foundation=None if wall.foundation is None else (*wall.foundation, line_edges(aft)),
-        clamped_node=aft if held else NO_NODES,
+        clamped_node=aft if is_clamped else NO_NODES,
     )
 
 

@@ -135,16 +135,16 @@ class FourierStructure:
             area=width * r * 2.0 * np.pi / len(roll),
         )
 
-    def spread_force(self, surface: str, force: FloatArray, at: IntArray | None = None) -> FloatArray:
-        """Return nodal forces of forces (n, 3) [N] on quadrature points of a surface: all or ``at`` (n,)."""
+    def spread_force(self, surface: str, force: FloatArray, chosen: IntArray | None = None) -> FloatArray:
+        """Return nodal forces of forces (n, 3) [N] on quadrature points of a surface: all or ``chosen`` (n,)."""
         meridian = self._meridian(surface)
         n_roll = len(self._roll)
-        if at is None:
+        if chosen is None:
             loaded, rings = np.arange(len(meridian.x)), force.reshape(-1, n_roll, 3)
         else:  # a pad loads few rings
-            loaded, ring = np.unique(at // n_roll, return_inverse=True)
+            loaded, ring = np.unique(chosen // n_roll, return_inverse=True)
             rings = np.zeros((len(loaded), n_roll, 3))
-            rings[ring, at % n_roll] = force
+            rings[ring, chosen % n_roll] = force
         local = _cylindrical(rings, self._roll)
         m_phi = np.arange(self.max_harmonic + 1)[:, None] * self._roll
         cosine, sine = np.cos(m_phi), np.sin(m_phi)
@@ -211,7 +211,7 @@ class FourierStructure:
     def strain(self, force: FloatArray) -> FloatArray:
         """Return the strain of gauges (n_d,) under nodal forces, which of a free body must be balanced."""
         flat = force.reshape(2, len(self.adjoint), -1)
-        of_family = np.stack([np.einsum("mskd,md->msk", self.adjoint, one, optimize=True) for one in flat])
+        of_family = np.stack([np.einsum("mskd,md->msk", self.adjoint, part, optimize=True) for part in flat])
         at_gauge = of_family[:, :, self.station]  # family, harmonic, gauge, strain
         phase = np.arange(len(self.adjoint))[:, None] * self.gauges.roll_angle
         cosine, sine = np.cos(phase)[..., None], np.sin(phase)[..., None]
@@ -383,8 +383,8 @@ def _tip_face(mesh: MeridianMesh) -> IntArray:
     on_face = (np.abs(mesh.node[sides, 0] - x) < 1e-9).all(axis=1) & (mesh.node[sides, 1] <= r * (1.0 + 1e-9)).all(
         axis=1
     )
-    found: IntArray = sides[on_face]
-    return found[np.argsort(mesh.node[found[:, 1], 1])]
+    face: IntArray = sides[on_face]
+    return face[np.argsort(mesh.node[face[:, 1], 1])]
 
 
 def _cylindrical(force: FloatArray, roll: FloatArray) -> FloatArray:
@@ -401,11 +401,11 @@ def _rigid_families(mesh: MeridianMesh) -> FloatArray:
     Axes: motion, family, harmonic 0 or 1, node, component.
     """
     x, r = mesh.node.T
-    one = np.ones_like(x)
+    unit = np.ones_like(x)
     motion = np.zeros((6, 2, 2, len(x), 3))
-    motion[0, 0, 0, :, 0] = one
-    motion[1, 1, 1, :, 1], motion[1, 1, 1, :, 2] = one, -one
-    motion[2, 0, 1, :, 1], motion[2, 0, 1, :, 2] = one, -one
+    motion[0, 0, 0, :, 0] = unit
+    motion[1, 1, 1, :, 1], motion[1, 1, 1, :, 2] = unit, -unit
+    motion[2, 0, 1, :, 1], motion[2, 0, 1, :, 2] = unit, -unit
     motion[3, 1, 0, :, 2] = r
     motion[4, 0, 1] = np.column_stack([r, -x, x])
     motion[5, 1, 1] = np.column_stack([-r, x, -x])

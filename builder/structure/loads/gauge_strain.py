@@ -95,14 +95,14 @@ def nodal_force(structure: LoadedStructure, load: Load) -> FloatArray:
             return structure.point_force(*where, np.array([load.force]))
         case PadForce():
             points = structure.surface_points(OUTER)
-            at, weight = _pad_weight(structure, points, load)
-            return structure.spread_force(OUTER, np.outer(weight / weight.sum(), load.force), at)
+            chosen, weight = _pad_weight(structure, points, load)
+            return structure.spread_force(OUTER, np.outer(weight / weight.sum(), load.force), chosen)
         case PadPressure():
             points = structure.surface_points(OUTER)
-            at, weight = _pad_weight(structure, points, load)
-            inward = -points.normal[at] * weight[:, None]
+            chosen, weight = _pad_weight(structure, points, load)
+            inward = -points.normal[chosen] * weight[:, None]
             radial = np.array([0.0, np.sin(load.roll_angle), np.cos(load.roll_angle)])
-            return structure.spread_force(OUTER, -load.push * inward / (inward @ radial).sum(), at)
+            return structure.spread_force(OUTER, -load.push * inward / (inward @ radial).sum(), chosen)
         case SurfacePressure():
             points = structure.surface_points(load.surface)
             return structure.spread_force(load.surface, -load.pressure * points.area[:, None] * points.normal)
@@ -132,12 +132,12 @@ def inertia_force(structure: LoadedStructure, acceleration: FloatArray) -> Float
     masses = structure.properties.masses
     if not masses:
         return force
-    station = np.array([one.station for one in masses])
-    roll = np.array([one.roll_angle for one in masses])
+    station = np.array([mass.station for mass in masses])
+    roll = np.array([mass.roll_angle for mass in masses])
     radius = np.array([structure.outer_radius(x) for x in station])
     position = np.column_stack([station, radius * np.sin(roll), radius * np.cos(roll)])
     local = acceleration[:3] + np.cross(acceleration[3:], position)
-    mass = np.array([one.mass for one in masses])
+    mass = np.array([mass.mass for mass in masses])
     return force + structure.point_force(station, roll, mass[:, None] * local)
 
 
@@ -155,9 +155,9 @@ def balanced(structure: LoadedStructure, force: FloatArray) -> FloatArray:
             raise InputError("a free body under forces that do not balance needs a density: none found")
         return force
     unit = [inertia_force(structure, axis) for axis in np.eye(6)]
-    inertia = np.column_stack([structure.resultant(one) for one in unit])
+    inertia = np.column_stack([structure.resultant(load) for load in unit])
     acceleration = np.linalg.solve(inertia, resultant)
-    return force - sum(a * one for a, one in zip(acceleration, unit, strict=True))
+    return force - sum(a * load for a, load in zip(acceleration, unit, strict=True))
 
 
 def _pad_weight(
@@ -171,15 +171,15 @@ def _pad_weight(
     turn = np.arctan2(y, z) - pad.roll_angle
     around = (np.mod(turn + np.pi, 2.0 * np.pi) - np.pi) / pad.half_angle
     within = np.abs(around) < 1.0
-    at, around = near[within], around[within]
-    along = distance[at] / pad.half_length
-    weight = (1.0 + np.cos(np.pi * along)) * (1.0 + np.cos(np.pi * around)) * points.area[at]
+    chosen, around = near[within], around[within]
+    along = distance[chosen] / pad.half_length
+    weight = (1.0 + np.cos(np.pi * along)) * (1.0 + np.cos(np.pi * around)) * points.area[chosen]
     if np.count_nonzero(weight) < 16:
         raise InputError(
             f"pad: {2e3 * pad.half_length:g} mm by {2.0 * np.rad2deg(pad.half_angle):g} deg is too small for the "
             "mesh, take a point force or a finer mesh"
         )
-    return at, weight
+    return chosen, weight
 
 
 def _distributed(structure: LoadedStructure, load: DistributedForce) -> FloatArray:

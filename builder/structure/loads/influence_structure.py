@@ -68,11 +68,11 @@ class InfluenceStructure:
             area=size.ravel(),
         )
 
-    def spread_force(self, surface: str, force: FloatArray, at: IntArray | None = None) -> FloatArray:
-        """Return nodal forces of forces (n, 3) [N] on quadrature points of the surface: all or ``at`` (n,)."""
+    def spread_force(self, surface: str, force: FloatArray, chosen: IntArray | None = None) -> FloatArray:
+        """Return nodal forces of forces (n, 3) [N] on quadrature points of the surface: all or ``chosen`` (n,)."""
         _refuse_within(surface)
         of_points = np.zeros((len(self.facet) * len(self._shape), 3))
-        of_points[slice(None) if at is None else at] = force
+        of_points[slice(None) if chosen is None else chosen] = force
         by_facet = of_points.reshape(len(self.facet), len(self._shape), 3)
         return self._scattered(self.facet, np.einsum("qa,fqc->fac", self._shape, by_facet))
 
@@ -111,12 +111,14 @@ class InfluenceStructure:
         radius = np.hypot(y, z)
         turn = np.arctan2(y, z) - roll_angle[:, None]
         around = radius * (np.mod(turn + np.pi, 2.0 * np.pi) - np.pi)
-        there = radius[np.argmin((x - station[:, None]) ** 2 + around**2, axis=1)]
+        radius_there = radius[np.argmin((x - station[:, None]) ** 2 + around**2, axis=1)]
         feet: list[FootPoint] = []
         for _ in range(FEET):
-            point = np.column_stack([station, there * np.sin(roll_angle), there * np.cos(roll_angle)])
-            feet = [foot_point(self._facets, one) for one in point]
-            there = np.array([np.hypot(*foot.point[1:]) for foot in feet])
+            point = np.column_stack(
+                [station, radius_there * np.sin(roll_angle), radius_there * np.cos(roll_angle)]
+            )
+            feet = [foot_point(self._facets, place) for place in point]
+            radius_there = np.array([np.hypot(*foot.point[1:]) for foot in feet])
         return feet
 
     @cached_property

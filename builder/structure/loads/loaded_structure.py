@@ -80,7 +80,7 @@ class LoadProperties:
     def needed_densities(self, count: int) -> FloatArray:
         """Return the density of the wall's own material and ``count`` further ones; refuse as
         :meth:`needed_density`."""
-        known = [one for one in self.other_densities if one is not None]
+        known = [density for density in self.other_densities if density is not None]
         if len(known) != count:
             raise InputError(
                 "weight and inertia need a density of each material: materials.<name>.density_kg_per_m3"
@@ -138,10 +138,10 @@ class LoadedStructure(Protocol):
         """Return the quadrature points of a surface; refuse one that does not exist."""
         ...
 
-    def spread_force(self, surface: str, force: FloatArray, at: IntArray | None = None) -> FloatArray:
+    def spread_force(self, surface: str, force: FloatArray, chosen: IntArray | None = None) -> FloatArray:
         """Return nodal forces of forces (n, 3) [N] on the quadrature points of a surface, in their order.
 
-        With ``at`` (n,) they are on these points alone.
+        With ``chosen`` (n,) they are on these points alone.
         """
         ...
 

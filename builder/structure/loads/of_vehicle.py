@@ -80,8 +80,8 @@ def fourier_structure_of(
 
 def load_properties(vehicle: Vehicle) -> LoadProperties:
     """Return the density of the wall's material; of a body of revolution of regions and frames, too."""
-    others = other_densities(wall_of(vehicle)) if vehicle.has_meridian else ()
-    return LoadProperties(density=vehicle.material.density_kg_per_m3, other_densities=others)
+    densities = other_densities(wall_of(vehicle)) if vehicle.has_meridian else ()
+    return LoadProperties(density=vehicle.material.density_kg_per_m3, other_densities=densities)
 
 
 _HARMONICS = 2

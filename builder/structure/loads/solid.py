@@ -86,12 +86,12 @@ class SolidStructure:
             area=size.ravel(),
         )
 
-    def spread_force(self, surface: str, force: FloatArray, at: IntArray | None = None) -> FloatArray:
-        """Return nodal forces of forces (n, 3) [N] on quadrature points of a surface: all or ``at`` (n,)."""
+    def spread_force(self, surface: str, force: FloatArray, chosen: IntArray | None = None) -> FloatArray:
+        """Return nodal forces of forces (n, 3) [N] on quadrature points of a surface: all or ``chosen`` (n,)."""
         facet = self._facets(surface)
         shape = reference_facet(self.mesh.element_type).shape
         of_points = np.zeros((len(facet) * len(shape), 3))
-        of_points[slice(None) if at is None else at] = force
+        of_points[slice(None) if chosen is None else chosen] = force
         part = np.einsum("qa,fqc->fac", shape, of_points.reshape(len(facet), len(shape), 3))
         return self._scattered(facet, part)
 
@@ -101,7 +101,7 @@ class SolidStructure:
         facet = self._facets(OUTER)
         radius = np.interp(station, *self._outer_profile.T)
         point = np.column_stack([station, radius * np.sin(roll_angle), radius * np.cos(roll_angle)])
-        feet = [foot_point(self._outer_facets, one) for one in point]
+        feet = [foot_point(self._outer_facets, place) for place in point]
         shape, _ = facet_shape_functions(self.mesh.element_type, np.array([foot.reference for foot in feet]))
         node = facet[[foot.facet for foot in feet]]
         return self._scattered(node, shape[:, :, None] * force[:, None, :])

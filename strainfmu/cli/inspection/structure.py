@@ -138,7 +138,7 @@ def _singular_values(structure: Structure, response: SmoothResponse) -> Table:
     table = _with_columns(title, ("layout", "gauges", "singular values", "condition number"), "gauges")
     for layout in structure.layouts:
         gauges = structure.gauges_of(layout)
-        values = response.of(gauges).singular_values()
+        values = response.at_gauges(gauges).singular_values()
         condition = f"{values[0] / values[-1]:.4g}" if values[-1] > 1e-12 * values[0] else "infinite"
         text = " ".join(f"{MICROSTRAIN_PER_KPA * value:.3g}" for value in values)
         table.add_row(escape(layout), str(len(gauges)), text, condition)
@@ -154,7 +154,7 @@ def _symmetries(structure: Structure, response: SmoothResponse) -> Table:
     )
     table = _with_columns(title, ("layout", "pressure", "largest", "rank", ""), "largest", "rank")
     for layout in structure.layouts:
-        for strain in symmetry_responses(response.of(structure.gauges_of(layout))):
+        for strain in symmetry_responses(response.at_gauges(structure.gauges_of(layout))):
             norm = MICROSTRAIN_PER_KPA * strain.norm
             rank = f"{strain.rank} of {len(strain.singular_values)}"
             table.add_row(

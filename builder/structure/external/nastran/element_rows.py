@@ -28,14 +28,14 @@ class ElementLayout:
     name : of the element.
     kind : one of :data:`ROD`, :data:`PLATE`, :data:`PLY`, :data:`SOLID`.
     words : words of an element, or of one of its plies.
-    first, each, points : words ahead of the first point, words of a point, number of points, the centre first.
+    first, step, points : words ahead of the first point, words of a point, number of points, the centre first.
     """
 
     name: str
     kind: str
     words: int
     first: int = 1
-    each: int = 0
+    step: int = 0
     points: int = 1
 
     @property
@@ -47,17 +47,17 @@ class ElementLayout:
     def integers(self) -> list[int]:
         """Words that are integers: element, coordinate system of solids, ply, node of each point."""
         of_kind = {SOLID: [0, 1, 3], PLY: [0, 1]}.get(self.kind, [0])
-        return of_kind + [self.first + self.each * k for k in range(self.points) if self.has_nodes]
+        return of_kind + [self.first + self.step * k for k in range(self.points) if self.has_nodes]
 
 
 def _plate(name: str, points: int = 1) -> ElementLayout:
     if points == 1:
-        return ElementLayout(name=name, kind=PLATE, words=17, first=1, each=16)
-    return ElementLayout(name=name, kind=PLATE, words=2 + 17 * points, first=2, each=17, points=points)
+        return ElementLayout(name=name, kind=PLATE, words=17, first=1, step=16)
+    return ElementLayout(name=name, kind=PLATE, words=2 + 17 * points, first=2, step=17, points=points)
 
 
 def _solid(name: str, nodes: int) -> ElementLayout:
-    return ElementLayout(name=name, kind=SOLID, words=4 + 21 * (nodes + 1), first=4, each=21, points=nodes + 1)
+    return ElementLayout(name=name, kind=SOLID, words=4 + 21 * (nodes + 1), first=4, step=21, points=nodes + 1)
 
 
 LAYOUTS = {
@@ -117,8 +117,8 @@ def known_rows(subcase: int, element_type: int, words: FloatArray) -> ElementRow
 
 def plate_strain(words: FloatArray, start: int, side: str) -> FloatArray:
     """Return (3,) strain x, y and gamma xy of the side ``z1`` or ``z2`` of a point that begins at ``start``."""
-    at = start + (1 if side == "z1" else 9)
-    return words[at : at + 3]
+    first = start + (1 if side == "z1" else 9)
+    return words[first : first + 3]
 
 
 def solid_strain(words: FloatArray, start: int) -> FloatArray:

@@ -35,15 +35,15 @@ def read_op2_strains(path: Path) -> list[ElementRows]:
     """
     data = path.read_bytes()
     order, size = _format(path, data)
-    found: list[ElementRows] = []
+    rows: list[ElementRows] = []
     for name, records in _tables(path, data, order, size):
         if name in OTHER_ORDER:
             raise InputError(f"{path}: table {name}: expected strains per subcase (SORT1), got them per element")
         if name in STRAIN_TABLES:
             pairs = records[_HEADER_RECORDS:]
             for ident, values in zip(pairs[0::2], pairs[1::2], strict=False):
-                found.append(_block(path, name, ident, values, order, size))
-    return found
+                rows.append(_block(path, name, ident, values, order, size))
+    return rows
 
 
 def _format(path: Path, data: bytes) -> tuple[str, int]:
@@ -57,18 +57,18 @@ def _format(path: Path, data: bytes) -> tuple[str, int]:
 
 def _records(path: Path, data: bytes, order: str) -> Iterator[bytes]:
     """Yield the Fortran records."""
-    at, kind = 0, np.dtype(f"{order}i4")
-    while at < len(data):
-        if at + 8 > len(data):
-            raise InputError(f"{path}: OP2 file cut short at byte {at}")
-        length = int(np.frombuffer(data, kind, 1, at)[0])
-        end = at + 4 + length
+    offset, kind = 0, np.dtype(f"{order}i4")
+    while offset < len(data):
+        if offset + 8 > len(data):
+            raise InputError(f"{path}: OP2 file cut short at byte {offset}")
+        length = int(np.frombuffer(data, kind, 1, offset)[0])
+        end = offset + 4 + length
         if length < 0 or end + 4 > len(data):
-            raise InputError(f"{path}: OP2 file cut short at byte {at}, or damaged")
+            raise InputError(f"{path}: OP2 file cut short at byte {offset}, or damaged")
         if int(np.frombuffer(data, kind, 1, end)[0]) != length:
-            raise InputError(f"{path}: OP2 file damaged at byte {at}: a record's two lengths differ")
-        yield data[at + 4 : end]
-        at = end + 4
+            raise InputError(f"{path}: OP2 file damaged at byte {offset}: a record's two lengths differ")
+        yield data[offset + 4 : end]
+        offset = end + 4
 
 
 def _tables(path: Path, data: bytes, order: str, size: int) -> Iterator[tuple[str, list[bytes]]]:

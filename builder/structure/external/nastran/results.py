@@ -86,14 +86,14 @@ def read_nastran_gauges(path: Path, directions: Mapping[str, FloatArray]) -> dic
     for name in header:
         if name not in COLUMNS:
             raise InputError(f"{path}: expected columns {', '.join(COLUMNS)}, got '{name}'")
-    found: dict[str, list[NastranPoint]] = {}
+    gauges: dict[str, list[NastranPoint]] = {}
     for line, row in rows:
         where = f"{path}, line {line}"
         point = _point(dict(zip(header, row, strict=True)), where, directions)
-        found.setdefault(point.column, []).append(point)
-    if not found:
+        gauges.setdefault(point.column, []).append(point)
+    if not gauges:
         raise InputError(f"{path}: expected a row per gauge, got none")
-    return found
+    return gauges
 
 
 def _point(cells: Mapping[str, str], where: str, directions: Mapping[str, FloatArray]) -> NastranPoint:
@@ -160,13 +160,13 @@ class NastranResults:
         """
         where = f"{self.name}: subcase {subcase}, gauge '{point.column}'"
         if subcase not in self.blocks:
-            held = sorted(self.blocks)
-            raise InputError(f"{where}: expected strains of this subcase, got {_listed(held)}")
-        found = [block for block in self.blocks[subcase] if np.any(block.element == point.element)]
-        usable = [block for block in found if len(block.words)]
+            subcases = sorted(self.blocks)
+            raise InputError(f"{where}: expected strains of this subcase, got {_listed(subcases)}")
+        blocks_of_element = [block for block in self.blocks[subcase] if np.any(block.element == point.element)]
+        usable = [block for block in blocks_of_element if len(block.words)]
         if not usable:
-            kinds = sorted({block.element_type for block in found})
-            got = f"a type of element that is not read ({_listed(kinds)})" if found else "none"
+            kinds = sorted({block.element_type for block in blocks_of_element})
+            got = f"a type of element that is not read ({_listed(kinds)})" if blocks_of_element else "none"
             raise InputError(f"{where}: element {point.element}: expected its strain, got {got}")
         return _of_element(usable, point, where)
 
@@ -185,10 +185,10 @@ def read_nastran_results(paths: Sequence[Path]) -> NastranResults:
             raise InputError(f"{path}: expected a file .op2, .pch or .pun, got '{path.suffix}'")
         if not path.is_file():
             raise InputError(f"{path}: no such file")
-        found = READERS[path.suffix.lower()](path)
-        if not found:
+        results = READERS[path.suffix.lower()](path)
+        if not results:
             raise InputError(f"{path}: expected element strains, got none; request STRAIN(FIBER,PLOT) = ALL")
-        for block in found:
+        for block in results:
             blocks.setdefault(block.subcase, []).append(block)
     return NastranResults(tuple(paths), blocks)
 
@@ -196,7 +196,7 @@ def read_nastran_results(paths: Sequence[Path]) -> NastranResults:
 def _of_element(blocks: list[ElementRows], point: NastranPoint, where: str) -> float:
     where = f"{where}: element {point.element}"
     wants_ply = point.ply is not None
-    fitting = [one for one in blocks if (one.layout is not None and one.layout.kind == PLY) == wants_ply]
+    fitting = [block for block in blocks if (block.layout is not None and block.layout.kind == PLY) == wants_ply]
     if not fitting:
         expected = "plies, got none" if wants_ply else f"side 'ply N' of its plies, got '{point.side}'"
         raise InputError(f"{where}: expected {expected}")
@@ -233,7 +233,7 @@ def _start(block: ElementRows, words: FloatArray, point: NastranPoint, where: st
     """Return the word at which the point begins: its fibre distance in a plate, its node in a solid."""
     layout = block.layout
     assert layout is not None
-    starts = [layout.first + layout.each * k for k in range(layout.points)]
+    starts = [layout.first + layout.step * k for k in range(layout.points)]
     chosen = starts[0]
     if point.node is not None:
         nodes = [int(words[start]) for start in starts[1:]] if layout.has_nodes else []
@@ -246,13 +246,13 @@ def _start(block: ElementRows, words: FloatArray, point: NastranPoint, where: st
 
 def _refuse_unused(kind: str, point: NastranPoint, where: str) -> None:
     """Refuse entries of the table that this kind of element has no use for."""
-    given = {
+    named = {
         "node": point.node is not None,
         "side": bool(point.side),
         "angle_deg": point.angle is not None,
         "direction": point.direction is not None,
     }
-    for name, is_given in given.items():
+    for name, is_given in named.items():
         if is_given and name not in _USED[kind]:
             raise InputError(f"{where}: {name}: expected none for a {kind}, got one")
 
