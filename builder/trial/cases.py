@@ -405,7 +405,7 @@ def _rows(case: Case, vehicle: Vehicle) -> list[Case]:
     if case.all_stated:
         return [_all_stated(case, vehicle)]
     changes: dict[str, Any] = {"group": _class_of(case, vehicle)}
-    if not vehicle.is_of_revolution and case.where.is_beyond:
+    if not vehicle.is_axisymmetric and case.where.is_beyond:
         changes["draws"] = FEWER_BEYOND * case.draws
     if case.built.of_stated:
         least = case.built.of_stated
