@@ -290,6 +290,7 @@ def external_structure(vehicle: Vehicle, snapshots: Snapshots) -> Structure:
     InputError
         The file is missing or wrong, or does not fit snapshots or gauges.
     """
+    vehicle.body()  # refuses other shapes, whose gauges lie on a mesh of ours
     layouts, path = structure_case(vehicle, used_layouts(vehicle)).layouts, external_file(vehicle)
     results = nastran_strains(vehicle, layouts)
     if vehicle.structure.external == strain_per_snapshot.MODEL:
