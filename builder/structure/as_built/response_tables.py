@@ -221,10 +221,13 @@ def _softness(parameters: AsBuilt) -> FloatArray:
     return np.concatenate(of_all_vehicles(*soft, stiffer), axis=-1)
 
 
+WAVE_KINDS = ("wall_cosine", "wall_sine", "wall_second_cosine", "wall_second_sine")
+"""Kinds of error of a wall whose thickness goes round the body, by wave, then cosine and sine."""
+
+
 def _waves(parameters: AsBuilt) -> FloatArray:
     """Return (.., n_w, 2, n_r) cosine and sine parts of the thickness, for each of :data:`WAVES`."""
-    first = parameters.wall_cosine, parameters.wall_sine
-    parts = of_all_vehicles(*first, parameters.wall_second_cosine, parameters.wall_second_sine)
+    parts = of_all_vehicles(*(getattr(parameters, kind) for kind in WAVE_KINDS))
     return np.stack([np.stack(parts[:2], axis=-2), np.stack(parts[2:], axis=-2)], axis=-3)
 
 
@@ -236,7 +239,7 @@ def of_all_vehicles(*values: FloatArray) -> list[FloatArray]:
 
 def is_uneven(parameters: AsBuilt) -> bool:
     """Return whether the thickness of a wall goes round the body."""
-    return bool(_waves(parameters).any())
+    return any(getattr(parameters, kind).any() for kind in WAVE_KINDS)
 
 
 def side_phases(roll_angle: FloatArray, n_m: int, wave: int) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
