@@ -14,10 +14,9 @@ import pickle
 import subprocess
 import sys
 from collections.abc import Callable, Generator, Iterator
-from io import BytesIO
 from math import radians
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import hypothesis
 import pytest
@@ -25,6 +24,7 @@ from kept_results import kept_results
 from ogive import OGIVE
 from once import folder_of_run, once
 from synthetic_vehicle import SyntheticFiles, make_synthetic_files, synthetic_files
+from undrawn_figures import draw_nothing
 
 from strainfmu import archive
 from strainfmu.cli.main import main
@@ -114,8 +114,11 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 @pytest.fixture
-def run(capfd: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str, str]]:
-    """Return a function that runs ``strainfmu`` with arguments: (exit code, standard output, standard error)."""
+def run(capfd: pytest.CaptureFixture[str], undrawn: None) -> Callable[..., tuple[int, str, str]]:
+    """Return a function that runs ``strainfmu`` with arguments: (exit code, standard output, standard error).
+
+    Its figures are made and not drawn, but for tests marked ``drawn``.
+    """
 
     def call(*arguments: object) -> tuple[int, str, str]:
         with pytest.raises(SystemExit) as ended:
@@ -127,19 +130,10 @@ def run(capfd: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str, str]
 
 
 @pytest.fixture
-def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Leave out the pictures of reports, for tests of all else: drawing takes most of a report's time."""
-    from matplotlib.figure import Figure
-
-    drawn = Figure.savefig
-
-    def savefig(figure: Figure, target: object, **options: Any) -> None:
-        if isinstance(target, BytesIO):
-            target.write(b"undrawn")
-        else:
-            drawn(figure, target, **options)
-
-    monkeypatch.setattr(Figure, "savefig", savefig)
+def undrawn(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Write a point for every figure, for tests of all else: drawing takes most of a report's time."""
+    if request.node.get_closest_marker("drawn") is None:
+        draw_nothing(monkeypatch.setattr)
 
 
 LEVELS = """
@@ -184,21 +178,28 @@ from pathlib import Path
 sys.path.insert(0, {support!r})
 from kept_results import kept_results
 from strainfmu.cli.main import main
-{levels}
+{statements}
 with kept_results(Path({kept!r})):
     main()
 """
 
 
+UNDRAWN = """
+from undrawn_figures import draw_nothing
+draw_nothing(setattr)
+"""
+
+
 @pytest.fixture(scope="session")
 def demonstration(kept_folder: Path, few_samples: str) -> Callable[..., None]:
-    """Return a function that runs the demonstration in its own process.
+    """Return a function that runs the demonstration in its own process, of another vehicle without drawing.
 
     It leaves ``demo`` and ``printed.txt`` in ``folder``.
     """
-    program = DEMO.format(support=str(TESTS / "support"), kept=str(kept_folder), levels=few_samples)
 
     def run_it(folder: Path, *arguments: str) -> None:
+        statements = few_samples + (UNDRAWN if arguments else "")
+        program = DEMO.format(support=str(TESTS / "support"), kept=str(kept_folder), statements=statements)
         command = [sys.executable, "-c", program, "demo", "-o", str(folder / "demo"), *arguments]
         finished = subprocess.run(command, capture_output=True, text=True, check=False)
         assert finished.returncode == 0, finished.stderr

@@ -26,6 +26,7 @@ def with_density(folder: Path) -> Path:
     return path
 
 
+@pytest.mark.drawn
 @pytest.mark.slow
 def test_proposal_lowers_sigmas_case_by_case_and_reads_back(tmp_path: Path, run: Run) -> None:
     vehicle, output = with_density(tmp_path), tmp_path / "proposed" / "loadtest.toml"

@@ -365,6 +365,7 @@ def test_the_command_writes_a_layout_and_a_figure(
     assert not (tmp_path / "none.csv").exists()
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_review_names_what_a_layout_lacks(linear: Study) -> None:
     """Its numbers are those of the layout computed again with one gauge less, or one more."""
     found, own = review_of(linear), list(linear.layout_sites)

@@ -153,6 +153,7 @@ def test_the_worth_of_a_test_in_flight(worth: WorthOfTest, found: Estimate) -> N
     assert worth.ground_loads.shape == (12, 5)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_sound_test_is_accepted_and_the_page_says_so(found: Estimate, worth: WorthOfTest) -> None:
     one = findings(found, worth)
     screen = verdict(one)
@@ -177,6 +178,7 @@ def test_a_sound_test_is_accepted_and_the_page_says_so(found: Estimate, worth: W
     assert sum(tag == "img" for tag in page.tags) == 5
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_an_estimate_that_did_not_settle_is_not_accepted(found: Estimate, worth: WorthOfTest) -> None:
     one = findings(replace(found, settled=False), worth)
     screen = verdict(one)
@@ -220,6 +222,7 @@ def test_load_equations_are_written_with_coefficients_and_errors(found: Estimate
     np.testing.assert_allclose(load, equations[1].value(1e-6 * strain), rtol=1e-9)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_steps_show_hysteresis_and_return_to_zero(found: Estimate, worth: WorthOfTest) -> None:
     """One per cent of hysteresis at half of the load, and a zero that drifted by 2 um/m."""
     test, random = found.model.test, np.random.default_rng(8)
@@ -245,6 +248,7 @@ def test_steps_show_hysteresis_and_return_to_zero(found: Estimate, worth: WorthO
     assert sum(tag == "img" for tag in page.tags) == 6
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize(
     ("missing", "said"),
     sweep([("", ""), ("reportlab", "without PDF, "), ("matplotlib", "without figures and PDF, ")], [("", "")]),
