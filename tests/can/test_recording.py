@@ -17,10 +17,10 @@ from bus_run import live_run
 from sweeps import sweep
 from synthetic_vehicle import SyntheticFiles
 
-from strainfmu.can.frame import Frame
+from strainfmu.can.frame import Frame, to_message
 from strainfmu.can.log_description import load_description, sidecar
 from strainfmu.can.log_frames import LogState, log_frames
-from strainfmu.can.recording import LOG_SUFFIXES, MicrosecondClock, Recorder
+from strainfmu.can.recording import LOG_SUFFIXES, LogFile, MicrosecondClock, Recorder
 from strainfmu.errors import InputError
 
 FRAMES = (
@@ -78,6 +78,33 @@ def test_frames_and_times_come_back_exactly(tmp_path: Path, suffix: str) -> None
     found, state = read(path, clock.start)
     assert found == given  # every bit, times included
     assert (state.ends_early, state.backwards) == ("", 0)
+
+
+def test_fd_frames_of_blf_are_those_of_python_can(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    lengths = [0, 1, 8, 12, 64]
+    frames = [
+        Frame(identifier=number, data=bytes(range(length)), time=number - 0.7654321, is_fd=True, **flags)
+        for number, length in enumerate(lengths)
+        for flags in ({}, {"is_extended": True}, {"bitrate_switch": True})
+    ]
+    content = []
+    for is_fast in (True, False):
+        if not is_fast:
+            monkeypatch.setattr(
+                LogFile, "_add_fd", lambda log, *entry: log._writer.on_message_received(as_read(*entry))
+            )
+        log = LogFile(tmp_path / f"{is_fast}.blf", 0.0)
+        for number, frame in enumerate(frames):
+            log.add(frame, number % 3 > 0)
+        log.close()
+        content.append((tmp_path / f"{is_fast}.blf").read_bytes())
+    assert content[0] == content[1]
+
+
+def as_read(frame: Frame, is_received: bool) -> can.Message:
+    message = to_message(frame)
+    message.timestamp, message.is_rx = frame.time, is_received
+    return message
 
 
 def test_blf_keeps_error_and_remote_frames(tmp_path: Path) -> None:
