@@ -32,7 +32,7 @@ def flight_field(
     """Return the field of the tables made from ``snapshots`` on the nodes of ``grid``.
 
     ``of_grid`` (q, n_x, n_m) are errors of the flow's grid, see
-    :func:`~builder.manifold.grid_refinement.grid_errors`; None where they are not known.
+    :func:`~builder.manifold.state_tables.grid_errors`; None where they are not known.
     """
     flows = flow_amplitudes(snapshots, MAX_FIELD_HARMONIC)
     inclined = np.flatnonzero(flows.incidence > 1e-9)

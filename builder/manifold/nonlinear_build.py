@@ -1,4 +1,17 @@
-"""The tables and errors of the nonlinear estimator from the inputs of an inverse map."""
+"""The tables and errors of the nonlinear estimator from the inputs of an inverse map.
+
+Hardware errors that follow the flight state: their strain as quadratic forms of the loads.
+
+The estimator holds the variance of the error of each gauge as c' Q c, c = [1, C_A, C_N, C_Y, M_P, M_Y], see
+:class:`~strainfmu.estimator.map.nonlinear_map.ManifoldMap`. The strain of an error is regressed on c. What is
+left, above all of hoop gauges shifted round the body next to the leeward meridian, grows with the square of the
+incidence and depends on where the wind comes from: its square is fitted by squares of combinations of c.
+
+Whether gauges distinguish winds from different sides.
+
+Gauges in one plane through the axis read the same of a wind and of its mirror image: strain then has two
+solutions, and the covariance of the one that is found knows nothing of the other.
+"""
 
 from __future__ import annotations
 
@@ -7,28 +20,166 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from scipy.optimize import nnls
 
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
 from builder.inverse.modes.ensemble import Ensemble, rolled_modes
-from builder.inverse.noise.error_list import PROCESS, SPREAD, by_role, record_of
+from builder.inverse.noise.error_list import PROCESS, SPREAD, by_role, error_named, record_of
 from builder.inverse.noise.flow_models import FLOW_MODELS, LEVEL
 from builder.inverse.noise.leeward import LEEWARD_PRESSURE
 from builder.inverse.noise.model import NoiseTerm, fixed_covariance
 from builder.inverse.problem import AnyStructure, inverse_problem, on_structure
 from builder.inverse.solution import Problem, with_flow_models
 from builder.manifold.discrepancy import process_size, tested_shapes
-from builder.manifold.followed_errors import followed_errors
 from builder.manifold.parameter_slopes import FLOW_PARAMETERS, ParameterSlopes, compressed
-from builder.manifold.sensor_tables import base_pressure_error, gains_of_sensors, with_base_and_friction
+from builder.manifold.sensor_tables import (
+    base_pressure_error,
+    friction_error,
+    gains_of_sensors,
+    with_base_and_friction,
+)
 from builder.manifold.state_tables import StateTables, state_tables
-from builder.manifold.told_apart import check_told_apart
+from builder.structure.as_built_kinds import Role
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map.model_form import model_form
 from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import pressure_and_temperature
-from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.errors import InputError
+from strainfmu.estimator.map.flight_tables import LOG_PRESSURE, MACH, N_STATES, U, W, evaluate
+from strainfmu.estimator.map.inverse_map import PAIRS, InverseMap
 from strainfmu.estimator.map.nonlinear_map import FlightField, ManifoldMap, ParameterTables, ShapeField
+from strainfmu.estimator.other_loads import FIVE_LOADS
+from strainfmu.estimator.reference.nonlinear import strain_covariance
+
+ROLLS = 24
+"""Roll angles of the wind that are compared."""
+
+APART = np.radians(45.0)
+"""Smallest difference of two roll angles that counts."""
+
+TOLD, EXPLAINED = 9.0, 25.0
+"""Square of the distance in strain, in standard deviations, from which two winds are distinguished, and by how
+much more the linearised problem, from which the sigmas of the estimate follow, may have between them."""
+
+
+def check_told_apart(manifold: ManifoldMap) -> None:
+    """Refuse tables with winds that gauges read alike, far apart though they are by the estimate's own sigmas.
+
+    Raises
+    ------
+    InputError
+        Names two such winds, in the middle of the ranges.
+    """
+    angles = winds_read_alike(manifold)
+    if angles is not None:
+        first, second = (round(float(np.degrees(angle))) for angle in angles)
+        raise InputError(
+            f"gauges: expected some off one plane through the axis for the nonlinear estimator, got wind at roll "
+            f"angle {first} deg and at {second} deg that strain all of them alike; or map.estimator = 'linear'"
+        )
+
+
+def winds_read_alike(manifold: ManifoldMap) -> tuple[float, float] | None:
+    """Return the roll angles [rad] of two winds that gauges do not distinguish, where the linearised problem does.
+
+    They are those that it has farthest apart, None where there are none.
+    """
+    n_d = manifold.tables.n_gauges
+    roll = 2.0 * np.pi * np.arange(ROLLS) / ROLLS
+    middle, half = manifold.crossflow
+    state = np.zeros((ROLLS, N_STATES))
+    state[:, MACH], state[:, LOG_PRESSURE] = manifold.mach_range.mean(), np.log(manifold.pressure_range).mean()
+    state[:, U], state[:, W] = (
+        centre + 0.5 * size * wave
+        for centre, size, wave in zip(middle, half, (np.cos(roll), np.sin(roll)), strict=True)
+    )
+    response = evaluate(manifold.tables, state)
+    factors = np.linalg.cholesky(strain_covariance(manifold, manifold.gauge_covariance, state))
+    far = np.abs(np.angle(np.exp(1j * (roll[:, None] - roll)))) >= APART
+    worst, pair = 0.0, None
+    for i, factor in enumerate(factors):
+        strain = np.linalg.solve(factor, (response.value[:, :n_d] - response.value[i, :n_d]).T)
+        slope = np.linalg.solve(factor, response.jacobian[i, :n_d])
+        distance, linear = np.sum(strain**2, axis=0), np.sum((slope @ (state - state[i]).T) ** 2, axis=0)
+        alike = far[i] & (distance < TOLD) & (linear - distance > EXPLAINED)
+        j = int(np.argmax(np.where(alike, linear - distance, 0.0)))
+        if alike[j] and linear[j] - distance[j] > worst:
+            worst, pair = float(linear[j] - distance[j]), (float(roll[min(i, j)]), float(roll[max(i, j)]))
+    return pair
+
+
+DIRECTIONS = 12
+"""Roll angles of the combinations that look into one direction."""
+
+_FIRST, _SECOND = np.array(PAIRS).T
+_TWICE = np.where(_FIRST == _SECOND, 1.0, 2.0)
+
+
+def followed_errors(vehicle: Vehicle, problem: Problem) -> dict[str, Any]:
+    """Return a map's fields of errors that follow strain, but for gains: of each gauge (21, n_d), and common ones
+    (n_t, 6, n_d) that are estimated and considered."""
+    reference, ensemble = vehicle.reference_quantities(), problem.ensemble
+    n_d = len(problem.strain_operator)
+    scale = reference.area * np.array([1.0, 1.0, 1.0, reference.length, reference.length])
+    pressure = np.tile(ensemble.ambient_pressure, ensemble.rolls)[:, None]
+    loads = ensemble.responses(problem.load_operator[FIVE_LOADS]) / pressure / scale
+    c = np.hstack([np.ones((len(loads), 1)), loads])
+    root = np.sqrt(ensemble.member_weight)[:, None]
+    products, square = np.zeros((len(PAIRS), n_d)), np.zeros((len(c), n_d))
+    common: dict[Role, list[FloatArray]] = {"estimated": [], "considered": []}
+    for error in [*problem.errors, *friction_error(vehicle, problem)]:
+        if error.name in ("gauge gain", "common gain", "sensor gain"):
+            continue
+        strain = error.strain / pressure
+        slope = np.linalg.lstsq(root * c, root * strain, rcond=1e-10)[0]
+        if not error.common or error.with_rest:
+            square += (strain - c @ slope) ** 2
+        if error.common:
+            common[error_named(error.name).role].append(slope)
+            continue
+        products += _TWICE[:, None] * slope[_FIRST] * slope[_SECOND]
+    estimated, considered = (np.array(slopes).reshape(-1, 6, n_d) for slopes in common.values())
+    return {
+        "gauge_error_product": products + squares_fitted(c, square, ensemble.member_weight),
+        "common_error": estimated,
+        "considered_common": considered,
+    }
+
+
+def squares_fitted(c: FloatArray, square: FloatArray, weight: FloatArray) -> FloatArray:
+    """Return (21, n_d) products whose quadratic form in ``c`` (n, 6) fits ``square`` (n, n_d), and is nowhere
+    negative.
+
+    The form is a sum of squares of combinations of c, with factors by non-negative least squares of ``weight``
+    (n,).
+    """
+    combinations = _combinations(c)
+    root = np.sqrt(weight)[:, None]
+    size = np.maximum(square.max(axis=0), 1e-300)
+    of_combination = (c @ combinations.T) ** 2
+    # The triangular factor in place of all members: the same least squares, at a fraction of the size.
+    basis, triangle = np.linalg.qr(root * of_combination)
+    target = basis.T @ (root * square / size)
+    factor = np.array([nnls(triangle, column)[0] for column in target.T]).T * size
+    return np.asarray((_TWICE[:, None] * (combinations[:, _FIRST] * combinations[:, _SECOND]).T) @ factor)
+
+
+def _combinations(c: FloatArray) -> FloatArray:
+    """Return (k, 6) combinations of ``c`` (n, 6): the mean, what C_A rises by, forces and moments across into all
+    directions, and sums of these with the rise of C_A."""
+    rise = np.zeros(len(PAIRS[:6]))
+    low, high = c[:, 1].min(), c[:, 1].max()
+    rise[:2] = np.array([-low, 1.0]) / (high - low) if high > low else 0.0
+    angle = 2.0 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
+    directions = [np.eye(6)[0], rise]
+    for first in (2, 4):
+        largest = np.hypot(c[:, first], c[:, first + 1]).max()
+        across = np.zeros((DIRECTIONS, 6))
+        if largest > 0.0:
+            across[:, first], across[:, first + 1] = np.cos(angle) / largest, np.sin(angle) / largest
+        directions += [*across[: DIRECTIONS // 2], *(across + rise)]
+    return np.array(directions)
 
 
 def with_manifold(

@@ -1,4 +1,7 @@
-"""The report of the reproduction: a page of HTML, its tables as CSV, all numbers as JSON, figures as PNG."""
+"""The report of the reproduction: a page of HTML, its tables as CSV, all numbers as JSON, figures as PNG.
+
+The figures of the report: which are drawn, of which numbers, in the order of the source.
+"""
 
 from __future__ import annotations
 
@@ -8,20 +11,176 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from builder.figures.drawing.canvas import save
+from builder.figures.reproduction import case_1_figures as case_1
+from builder.figures.reproduction import case_2_figures as case_2
+from builder.figures.reproduction.field_views import SIDES
 from builder.reports.page.html import Block, Items, Page, Paragraph, Picture, Section, write_page
 from builder.reports.page.page_tables import Table, by_name, tables_json, write_csv
 from builder.reproduce import paper_tables as tables
 from builder.reproduce.acceptance import verdicts
 from builder.reproduce.parity import parity_rows
-from builder.reproduce.protocol import Sizes
-from builder.reproduce.report_figures import figure_makers
-from builder.reproduce.studies import Studies
+from builder.reproduce.protocol import DRAWN_MODES, EXAMPLES, PUBLISHED_GAMMA, Sizes
+from builder.reproduce.published import PUBLISHED
+from builder.reproduce.setups import INDEPENDENT, PAPER_LIKE, SAME_MESH, TITLES
+from builder.reproduce.studies import FIELDS, Studies
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.files import write_bytes_atomically
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+DRAWS = {
+    "noisy": "M5 a6 b6, published layout",
+    "noisy_45": "M5 a6 b6, layout '45'",
+    "off_set": "M6 a0 b5, published layout",
+    "off_set_45": "M6 a0 b5, layout '45'",
+}
+"""Fields whose hundred draws are compared, with their labels."""
+
+
+def figure_makers(studies: Studies, grid: SurfaceGrid) -> dict[str, tuple[Callable[[], Figure], str]]:
+    """Return, by name, what draws each figure and its caption."""
+    return {**_of_case_1(studies, grid), **_of_case_2(studies, grid)}
+
+
+def _of_case_1(studies: Studies, grid: SurfaceGrid) -> dict[str, tuple[Callable[[], Figure], str]]:
+    made: dict[str, tuple[Callable[[], Figure], str]] = {
+        "pod_differences": (
+            partial(_pod_differences, studies),
+            "Source's figure of the differences in POD coefficients with 3 sigma marks.",
+        ),
+        "reconstruction_errors": (
+            partial(_reconstruction_errors, studies),
+            "Source's figure of the errors of the reconstructed field.",
+        ),
+    }
+    for example, number in (("m5_a6_b5", 1), ("m7_a2_b8", 2)):
+        for setup in (PAPER_LIKE, INDEPENDENT):
+            made[f"field_{example}_{setup}"] = (
+                partial(_field_of_case_1, studies, setup, example, number, grid),
+                f"Source's field comparison, Configuration {number}, set-up {setup.replace('_', ' ')}.",
+            )
+    made["coefficient_differences"] = (
+        lambda: case_1.coefficient_differences(
+            {title: studies.case_1[f"{key}-2"].coefficient_error for key, title in TITLES.items()}
+        ),
+        "Source's figure of the differences in force and moment coefficients.",
+    )
+    return made
+
+
+def _of_case_2(studies: Studies, grid: SurfaceGrid) -> dict[str, tuple[Callable[[], Figure], str]]:
+    modes = dict(zip(DRAWN_MODES, studies.modes.T, strict=True))
+    made: dict[str, tuple[Callable[[], Figure], str]] = {
+        "eigenvalues": (partial(_eigenvalue_decay, studies), "Source's figure of the eigenvalues."),
+        "eigenvectors": (
+            partial(case_2.eigenvectors, modes, grid),
+            "Source's figure of eigenvectors 1, 3, 6, 23 and 53.",
+        ),
+    }
+    for what, n_modes in (("noise_free", 54), ("noisy", None), ("off_set", None)):
+        for setup in (PAPER_LIKE, SAME_MESH, INDEPENDENT):
+            n_kept = n_modes or int((studies.gamma[setup].eigenvalues >= PUBLISHED_GAMMA).sum())
+            made[f"field_{what}_{setup}"] = (
+                partial(_field_of_case_2, studies, setup, what, n_kept, grid),
+                f"Source's field comparison, {what.replace('_', ' ')}, set-up {setup.replace('_', ' ')}.",
+            )
+    made["draw_ranges"] = (partial(_draw_ranges, studies), "Errors of the hundred draws.")
+    made["noise_free_errors"] = (partial(_noise_free_errors, studies), "Where the 2.8 % come from.")
+    made["reading_ratios"] = (partial(_reading_ratios, studies), "Where K1/K2 comes from.")
+    return made
+
+
+def _pod_differences(studies: Studies) -> Figure:
+    return case_1.pod_differences(
+        {
+            title: {
+                number: case_1.PodDifferences(
+                    studies.case_1[f"{key}-{number}"].pod_error, studies.case_1[f"{key}-{number}"].pod_bound
+                )
+                for number in (1, 2)
+            }
+            for key, title in TITLES.items()
+        }
+    )
+
+
+def _reconstruction_errors(studies: Studies) -> Figure:
+    return case_1.reconstruction_errors(
+        {
+            title: {number: studies.case_1[f"{key}-{number}"].field_error for number in (1, 2)}
+            for key, title in TITLES.items()
+        },
+        {number: PUBLISHED[f"field_{number}"].low for number in (1, 2)},
+    )
+
+
+def _field_of_case_1(studies: Studies, setup: str, example: str, number: int, grid: SurfaceGrid) -> Figure:
+    field = studies.examples[f"{setup}-{example}"]
+    title = f"{EXAMPLES[example]}, Configuration {number}, {TITLES[setup]}: error {100.0 * field.shown:.1f} %"
+    return case_1.field_comparison(field.reference, field.estimate, grid, title)
+
+
+def _eigenvalue_decay(studies: Studies) -> Figure:
+    spectra = [
+        case_2.Spectrum(label, studies.gamma[f"{key}{suffix}"].eigenvalues, bool(suffix))
+        for key, title in TITLES.items()
+        for suffix, label in (("", title), ("-45", f"{title}, layout '45'"))
+    ]
+    return case_2.eigenvalue_decay(spectra, PUBLISHED_GAMMA)
+
+
+def _field_of_case_2(studies: Studies, setup: str, what: str, n_modes: int, grid: SurfaceGrid) -> Figure:
+    field = studies.fields[f"{setup}-{what}"]
+    condition = EXAMPLES[FIELDS[what][0]]
+    fields = {
+        "reference": field.reference,
+        f"projected, r = {n_modes}": field.projection,
+        "estimate": field.estimate,
+    }
+    side = "from leeward", condition.leeward_roll_angle % (2.0 * np.pi)
+    if what.startswith("off_set"):
+        side = "from port (-y)", SIDES["from port (-y)"]
+    title = f"{condition}, {TITLES[setup]}: error {100.0 * field.shown:.1f} %"
+    return case_2.field_comparison(fields, field.estimate - field.reference, grid, side, title)
+
+
+def _draw_ranges(studies: Studies) -> Figure:
+    return case_2.draw_ranges(
+        {
+            title: [
+                case_2.Draws(label, studies.fields[f"{key}-{what}"].errors, _published_range(what))
+                for what, label in DRAWS.items()
+            ]
+            for key, title in TITLES.items()
+        }
+    )
+
+
+def _published_range(what: str) -> tuple[float, float] | None:
+    row = PUBLISHED.get(what)
+    return None if row is None or row.low is None or row.high is None else (row.low, row.high)
+
+
+def _noise_free_errors(studies: Studies) -> Figure:
+    rows = studies.measured.crime
+    return case_2.noise_free_errors(
+        [(row.inversion, row.data) for row in rows],
+        np.array([row.field_error for row in rows]),
+        np.array([row.odd_error for row in rows]),
+        PUBLISHED["noise_free"].low or 0.0,
+    )
+
+
+def _reading_ratios(studies: Studies) -> Figure:
+    rows = studies.measured.readings
+    models, readings = (list(dict.fromkeys(getattr(row, name) for row in rows)) for name in ("model", "reading"))
+    ratios = {model: [row.ratio for row in rows if row.model == model] for model in models}
+    return case_2.reading_ratios(ratios, readings, PUBLISHED["k_ratio"].low or 0.0)
+
 
 Keep = Callable[[str, Callable[[Path], object]], Path]
 

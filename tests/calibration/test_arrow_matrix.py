@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_array
 
-from builder.calibration.estimate.arrow_matrix import Arrow
-from builder.calibration.estimate.gaussian import GaussianModel
+from builder.calibration.estimate.gaussian import Arrow, GaussianModel
 
 N_G, N_C = 5, 9
 

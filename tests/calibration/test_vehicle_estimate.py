@@ -203,7 +203,7 @@ def test_steps_that_do_not_settle_are_named(
     model: tuple[ReadingsModel, np.ndarray], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     built = model[0]
-    monkeypatch.setattr("builder.calibration.estimate.steps.STEPS", 1)
+    monkeypatch.setattr("builder.calibration.estimate.estimated_vehicle.STEPS", 1)
     found = estimate(built, usable(built))
     assert not found.settled
     name, length = found.last_step

@@ -9,7 +9,7 @@ from builder.campaign.snapshots import Snapshots
 from builder.inverse.noise.hardware_errors import HardwareError
 from builder.inverse.problem import inverse_problem
 from builder.inverse.solution import Problem
-from builder.manifold.followed_errors import followed_errors, squares_fitted
+from builder.manifold.nonlinear_build import followed_errors, squares_fitted
 from builder.structure.fourier.fourier_model import StructuralModel
 from builder.vehicle.file import Vehicle
 from strainfmu.estimator.map.inverse_map import PAIRS

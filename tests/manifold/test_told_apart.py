@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from flight_maps import ROWS, STATIONS, flight_map
 
-from builder.manifold.told_apart import check_told_apart, winds_read_alike
+from builder.manifold.nonlinear_build import check_told_apart, winds_read_alike
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.nonlinear_map import ManifoldMap
 
