@@ -18,12 +18,27 @@
 
 #include "floating.h"
 #include "resource.h"
-#include "time_span.h"
 #include "uri_path.h"
 
 #define LINE_SIZE 1400
 #define PATH_SIZE 4096
 #define SHOWN_PATH 1000 /* characters of a path that a message shows */
+#define ROUNDING 1e-2   /* largest error of a sum of a million step sizes, as a fraction of a step */
+
+/* Times that an importer gives [s]: whether an experiment may span them, whether a step may be of a size, which sets its
+   end, and whether that is behind the stop time by more than sums of step sizes round. */
+static int is_time_span(double start, int has_stop, double stop) {
+    return isfinite(start) && (!has_stop || stop >= start);
+}
+
+static int step_ends(double start, double size, double *end) {
+    *end = start + size;
+    return size > 0.0 && isfinite(*end);
+}
+
+static int is_beyond_stop(double end, double size, double stop) {
+    return end - stop > ROUNDING * size;
+}
 
 int instance_error(const Instance *instance, const char *format, ...) {
     char text[LINE_SIZE];

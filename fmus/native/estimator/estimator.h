@@ -8,7 +8,7 @@
 
 #include "../core/model.h"
 #include "filter/filter.h"
-#include "policies/flight_state.h"
+#include "policies/flight_outputs.h"
 #include "renewal.h"
 #include "zeros/tare.h"
 

@@ -1,6 +1,8 @@
-/* FMI 3.0: instances and their modes. */
+/* FMI 3.0: instances and their modes, steps, events, states. */
 
 #include "fmi3.h"
+
+#include "../core/state.h"
 
 static void write_message(const Instance *instance, int status, const char *category, const char *text) {
     fmi3LogMessageCallback logger = (fmi3LogMessageCallback)instance->logger;
@@ -136,4 +138,115 @@ fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, fmi3Boolean *discrete
     }
     instance_follow_event(instance);
     return fmi3OK;
+}
+
+/* Co-simulation. */
+
+fmi3Status fmi3EnterStepMode(fmi3Instance instance) {
+    const Instance *s = instance;
+    const int allowed = s != NULL && s->kind == CO_SIMULATION_3;
+    return (fmi3Status)instance_enter(instance, "fmi3EnterStepMode", allowed ? EVENT : 0, STEP);
+}
+
+fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 currentCommunicationPoint,
+                      fmi3Float64 communicationStepSize, fmi3Boolean noSetFMUStatePriorToCurrentPoint,
+                      fmi3Boolean *eventHandlingNeeded, fmi3Boolean *terminateSimulation, fmi3Boolean *earlyReturn,
+                      fmi3Float64 *lastSuccessfulTime) {
+    static const char NAME[] = "fmi3DoStep";
+    Instance *s = instance;
+    (void)noSetFMUStatePriorToCurrentPoint;
+    if (!instance_allows(s, NAME, STEP) || !instance_given(s, NAME, eventHandlingNeeded)
+        || !instance_given(s, NAME, terminateSimulation) || !instance_given(s, NAME, earlyReturn)
+        || !instance_given(s, NAME, lastSuccessfulTime)) {
+        return fmi3Error;
+    }
+    const int status = instance_step(s, NAME, currentCommunicationPoint, communicationStepSize);
+    if (status != STATUS_ERROR) {
+        *eventHandlingNeeded = fmi3_is_due(s) ? fmi3True : fmi3False;
+        *earlyReturn = fmi3False;
+        *terminateSimulation = s->ending ? fmi3True : fmi3False;
+        *lastSuccessfulTime = s->ending ? s->last_successful_time : s->model->time;
+    }
+    return (fmi3Status)status;
+}
+
+/* Model exchange, without continuous states and event indicators. */
+
+fmi3Status fmi3EnterContinuousTimeMode(fmi3Instance instance) {
+    const Instance *s = instance;
+    const int allowed = s != NULL && s->kind == MODEL_EXCHANGE_3;
+    return (fmi3Status)instance_go_on(instance, "fmi3EnterContinuousTimeMode", allowed ? EVENT : 0);
+}
+
+fmi3Status fmi3CompletedIntegratorStep(fmi3Instance instance, fmi3Boolean noSetFMUStatePriorToCurrentPoint,
+                                       fmi3Boolean *enterEventMode, fmi3Boolean *terminateSimulation) {
+    static const char NAME[] = "fmi3CompletedIntegratorStep";
+    (void)noSetFMUStatePriorToCurrentPoint;
+    if (!instance_allows(instance, NAME, CONTINUOUS_TIME) || !instance_given(instance, NAME, enterEventMode)
+        || !instance_given(instance, NAME, terminateSimulation)) {
+        return fmi3Error;
+    }
+    int event = 0;
+    const fmi3Status status = (fmi3Status)instance_end_solver_step(instance, NAME, &event);
+    *enterEventMode = event ? fmi3True : fmi3False;
+    *terminateSimulation = fmi3False;
+    return status;
+}
+
+fmi3Status fmi3SetTime(fmi3Instance instance, fmi3Float64 time) {
+    return (fmi3Status)instance_set_time(instance, "fmi3SetTime", EVENT | CONTINUOUS_TIME, time);
+}
+
+#define EMPTY_LIST(function, modes, Type)                                      \
+    fmi3Status function(fmi3Instance instance, Type values[], size_t n) {      \
+        (void)values;                                                          \
+        return (fmi3Status)instance_empty_list(instance, #function, modes, n); \
+    }
+EMPTY_LIST(fmi3SetContinuousStates, CONTINUOUS_TIME, const fmi3Float64)
+EMPTY_LIST(fmi3GetContinuousStateDerivatives, FMI3_READABLE, fmi3Float64)
+EMPTY_LIST(fmi3GetEventIndicators, FMI3_READABLE, fmi3Float64)
+EMPTY_LIST(fmi3GetContinuousStates, FMI3_READABLE, fmi3Float64)
+EMPTY_LIST(fmi3GetNominalsOfContinuousStates, FMI3_READABLE, fmi3Float64)
+
+static fmi3Status none(Instance *s, const char *function, size_t *number) {
+    if (s == NULL || !instance_given(s, function, number)) {
+        return fmi3Error;
+    }
+    *number = 0;
+    return fmi3OK;
+}
+
+fmi3Status fmi3GetNumberOfEventIndicators(fmi3Instance instance, size_t *nEventIndicators) {
+    return none(instance, "fmi3GetNumberOfEventIndicators", nEventIndicators);
+}
+
+fmi3Status fmi3GetNumberOfContinuousStates(fmi3Instance instance, size_t *nContinuousStates) {
+    return none(instance, "fmi3GetNumberOfContinuousStates", nContinuousStates);
+}
+
+/* FMU states. */
+
+fmi3Status fmi3GetFMUState(fmi3Instance instance, fmi3FMUState *FMUState) {
+    return (fmi3Status)state_get(instance, "fmi3GetFMUState", FMUState);
+}
+
+fmi3Status fmi3SetFMUState(fmi3Instance instance, fmi3FMUState FMUState) {
+    return (fmi3Status)state_set(instance, FMUState);
+}
+
+fmi3Status fmi3FreeFMUState(fmi3Instance instance, fmi3FMUState *FMUState) {
+    return (fmi3Status)state_free(instance, FMUState);
+}
+
+fmi3Status fmi3SerializedFMUStateSize(fmi3Instance instance, fmi3FMUState FMUState, size_t *size) {
+    return (fmi3Status)state_serialized_size(instance, "fmi3SerializedFMUStateSize", FMUState, size);
+}
+
+fmi3Status fmi3SerializeFMUState(fmi3Instance instance, fmi3FMUState FMUState, fmi3Byte serializedState[], size_t size) {
+    return (fmi3Status)state_serialize(instance, "fmi3SerializeFMUState", FMUState, serializedState, size);
+}
+
+fmi3Status fmi3DeserializeFMUState(fmi3Instance instance, const fmi3Byte serializedState[], size_t size,
+                                   fmi3FMUState *FMUState) {
+    return (fmi3Status)state_deserialize(instance, "fmi3DeserializeFMUState", serializedState, size, FMUState);
 }

@@ -79,4 +79,7 @@ enum { MOST_SIGNALS = 512 }; /* a bit each */
 /* Send a frame with the values of its signals; 0 if a value does not fit, which counts as lost. */
 int link_send_frame(Link *link, const SentFrame *frame, const SbSignal *signal, const double *value, int counter);
 
+/* The kinds of nodes of the plant's library: the sender of a vehicle's strains, and the bus. */
+extern const NodeKind SENDER, CAN_BUS;
+
 #endif

@@ -7,7 +7,7 @@
 
 #include <math.h>
 
-#include "nodes.h"
+#include "../network/link.h"
 
 enum { QUEUE = 64, OTHER_BIT_RATE = 1 };
 

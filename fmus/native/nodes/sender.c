@@ -8,7 +8,7 @@
 
 #include "../bus/rounding.h"
 #include "../core/floating.h"
-#include "nodes.h"
+#include "../network/link.h"
 
 enum { CYCLES = 256 };
 

@@ -5,7 +5,7 @@
 #ifndef FILTER_H
 #define FILTER_H
 
-#include "../map/flight_map.h"
+#include "../map/map_resource.h"
 #include "../sample/inputs.h"
 #include "windows.h"
 

@@ -12,9 +12,8 @@
 
 #include "../estimator_derivative.h"
 #include "../policies/health.h"
-#include "../sample/inertia.h"
-#include "../sample/air_data.h"
 #include "../sample/readings.h"
+#include "../sample/air_data.h"
 #include "estimator_model.h"
 #include "estimator_state.h"
 #include "estimator_variables.h"

@@ -17,7 +17,7 @@
 #include "../sample/readings.h"
 #include "estimator_model.h"
 #include "fit.h"
-#include "tare_record.h"
+#include "../zeros/tare.h"
 
 #define MAX_FIELDS 32
 #define N_RECORDS (SL_TARE + 1)

@@ -12,7 +12,10 @@
 
        a - e' v > 0     and     (a - e' v)^2 > limit * sum over known angles of e_k^2 (1 / p_k + (k sigma_ck)^2).
 
-   A measured incidence above a is none: what is stated is a minimum. docs/explanation/dynamic_pressure.md;
+   A measured incidence above a is none: what is stated is a minimum.
+
+   The flow is outside where q, M or h leave their ranges (M by three stated standard deviations), or where M and h
+   contradict q: |q - gamma/2 M^2 p(h)| > tolerance of it + three standard deviations of q. docs/explanation/dynamic_pressure.md;
    docs/explanation/envelope.md, "What is compared"; strainfmu/estimator/reference/linear.py. */
 
 #include "linear.h"
@@ -116,6 +119,30 @@ static int angles_contradict(const Linear *linear) {
     const double apart = needed > 0.0 ? needed - along / needed : 0.0;
     const double limit = scalar_input(linear->inputs, ALARM_SCALE) * map->chi_square_limit[0];
     return apart > 0.0 && apart * apart > limit * variance;
+}
+
+#define RANGE_DEVIATIONS 3.0 /* of a stated Mach number by which it may leave its range, and of q_inf */
+
+/* Whether a value leaves a range by more than so much; one that is not known does not. */
+static int leaves(const double *range, double value, double slack) {
+    return value < range[0] - slack || value > range[1] + slack;
+}
+
+/* Whether dynamic pressure, Mach number or altitude leave their ranges or contradict each other. */
+static int outside_by_navigation(const Envelope *envelope, const Flow *flow) {
+    const double mach = flow->mach_number;
+    if (leaves(envelope->dynamic_pressure, flow->pressure, 0.0)
+        || leaves(envelope->mach_number, mach, RANGE_DEVIATIONS * flow->mach_deviation)
+        || leaves(envelope->altitude, flow->altitude, 0.0)) {
+        return 1;
+    }
+    /* Without both nothing contradicts q. */
+    if (isnan(mach) || isnan(flow->altitude)) {
+        return 0;
+    }
+    const double expected = envelope->half_gamma * mach * mach * ambient_pressure(envelope, flow->altitude);
+    const double allowed = envelope->pressure_tolerance * expected + RANGE_DEVIATIONS * flow->deviation;
+    return fabs(flow->pressure - expected) > allowed;
 }
 
 /* Bits of outputs.h. Without a dynamic pressure the other conditions mean nothing. */

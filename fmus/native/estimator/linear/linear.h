@@ -3,7 +3,7 @@
 #ifndef LINEAR_H
 #define LINEAR_H
 
-#include "linear_state.h"
+#include "linear_outputs.h"
 
 /* Hand out the arrays; map, other_loads and wide are set. */
 void linear_arrays(Map *map, size_t n_strains, Linear *linear, Room *room);

@@ -8,7 +8,7 @@
    A moment about a point `shift` further aft is M' = M + shift F, of the variance var M + 2 shift cov(M, F) +
    shift^2 var F. Limits of chi-square and z rise with alarm_scale and with the expected chi-square of the current
    strain (limit_ratio). The margin to the envelope is computed at the references of the map, with the covariance
-   scale cov f scale' + the same error of q (envelope.c). docs/explanation/theory.md, "What a sigma is made of";
+   scale cov f scale' + the same error of q. docs/explanation/theory.md, "What a sigma is made of";
    strainfmu/estimator/reference/linear.py. */
 
 #include "linear_outputs.h"
@@ -19,7 +19,6 @@
 #include "../numerics/dense.h"
 #include "../numerics/wide.h"
 #include "../update/scaled_form.h"
-#include "linear_state.h"
 
 /* The gauge that does not fit the others: the largest leave-one-out residual z_i = (P r)_i / sqrt(P_ii).
 
@@ -31,7 +30,7 @@
        z_i^2 <= (|y_i| + error margin_i)^2 bound_i,    bound_i >= |V_i|^2 / P_ii,    margin_i >= sqrt(P_ii) / |V_i|.
 
    bound and margin belong to the interval of the pressure ratio (update/current_errors.c). Gauges whose residuals
-   always move together cannot be distinguished and are named together: groups of update/masked_map.c.
+   always move together cannot be distinguished and are named together: groups of update/prepared.c.
    docs/explanation/theory.md, "Missing and suspect gauges"; docs/explanation/alarm_levels.md has the thresholds. */
 
 /* |w|^2 up to which float holds w and the products with it. */
@@ -124,6 +123,90 @@ static void of_pressure(const Flow *flow, const double *scale, const double *coe
     for (size_t i = 0; i < N_LOADS; i++) {
         deviation[i] = (scale[i] * per_pressure[i] - coefficients[i] / flow->pressure) * flow->deviation;
     }
+}
+
+/* The margin to the envelope: coefficients C (5) against the half-spaces n_j' C <= limit_j that the snapshots of the map
+   lie in. It is the largest distance beyond one, in its own standard deviations:
+
+       score = max over j of (n_j' C - limit_j) / sqrt(n_j' cov(C) n_j),      0 where C is inside all.
+
+   n' cov n = sum over i <= k of (2 - [i = k]) n_i n_k cov_ik, so that `products` (n_half_spaces, 15) times the 15
+   entries of the covariance gives all variances by one product, and only where some half-space is left at all.
+   Squares are compared: one root in the end. docs/explanation/envelope.md, "The envelope margin";
+   strainfmu/estimator/map/validity.py. */
+
+#define N_ENTRIES 15 /* of a symmetric (5, 5) matrix */
+
+void half_space_arrays(const Envelope *envelope, HalfSpaces *spaces, Room *room) {
+    const size_t m = envelope->n_half_spaces, rows = dense_rows(m), columns = dense_columns(N_ENTRIES);
+    spaces->products = taken(room, rows * columns);
+    spaces->variance = taken(room, rows);
+    for (size_t j = 0; spaces->products != NULL && j < m; j++) {
+        double *panel = spaces->products + j / ROWS * ROWS * columns + j % ROWS;
+        size_t at = 0;
+        for (size_t i = 0; i < N_LOADS; i++) {
+            for (size_t k = i; k < N_LOADS; k++) {
+                const double product = envelope->direction[i * m + j] * envelope->direction[k * m + j];
+                /* Row j of the panel: entries off the diagonal count twice. */
+                panel[ROWS * at++] = i == k ? product : 2.0 * product;
+            }
+        }
+    }
+}
+
+/* n'C - limit of half-space j. */
+EVERYWHERE double excess_of(const Envelope *envelope, const double *coefficients, size_t j) {
+    const size_t m = envelope->n_half_spaces;
+    double sum = envelope->direction[j] * coefficients[0];
+    for (size_t i = 1; i < N_LOADS; i++) {
+        sum += envelope->direction[i * m + j] * coefficients[i];
+    }
+    return sum - envelope->limit[j];
+}
+
+/* Whether some n'C is above its limit. */
+EVERYWHERE int beyond(const Envelope *envelope, const double *coefficients) {
+    int above = 0;
+    for (size_t j = 0; j < envelope->n_half_spaces; j++) {
+        above |= excess_of(envelope, coefficients, j) > 0.0;
+    }
+    return above;
+}
+
+FOR_AVX2_AS(int, beyond, (const Envelope *envelope, const double *coefficients), (envelope, coefficients))
+
+/* Squares of (n'C - limit) / sigma instead of the variances, 0 for half-spaces that C does not leave. */
+EVERYWHERE void square_scores(const Envelope *envelope, const double *coefficients, double *restrict variance) {
+    for (size_t j = 0; j < envelope->n_half_spaces; j++) {
+        const double excess = excess_of(envelope, coefficients, j), square = excess * excess / variance[j];
+        variance[j] = excess > 0.0 ? square : 0.0;
+    }
+}
+
+FOR_AVX2(square_scores, (const Envelope *envelope, const double *coefficients, double *variance),
+         (envelope, coefficients, variance))
+
+/* The largest (n'C - limit) / sigma over the half-spaces, 0 where C is inside all. Coefficients (5) and their covariance
+   (5, 5) are those at the references of the map. */
+static double envelope_score(const Envelope *envelope, const HalfSpaces *spaces, int wide, const double *coefficients,
+                      const double *covariance) {
+    if (!CHOSEN(wide, beyond)(envelope, coefficients)) {
+        return 0.0;
+    }
+    double entries[N_ENTRIES + 1] = {0.0};
+    size_t at = 0;
+    for (size_t i = 0; i < N_LOADS; i++) {
+        for (size_t k = i; k < N_LOADS; k++) {
+            entries[at++] = covariance[i * N_LOADS + k];
+        }
+    }
+    dense_times(wide, envelope->n_half_spaces, N_ENTRIES, spaces->products, entries, spaces->variance);
+    CHOSEN(wide, square_scores)(envelope, coefficients, spaces->variance);
+    double largest = 0.0;
+    for (size_t j = 0; j < envelope->n_half_spaces; j++) {
+        largest = spaces->variance[j] > largest ? spaces->variance[j] : largest;
+    }
+    return sqrt(largest);
 }
 
 /* C at the references of the map, and its covariance. */

@@ -3,7 +3,41 @@
 #ifndef LINEAR_OUTPUTS_H
 #define LINEAR_OUTPUTS_H
 
-#include "linear_state.h"
+#include "../sample/outputs.h"
+#include "../update/lost_rows.h"
+#include "../update/prepared.h"
+
+/* What is known of the flow in a step. */
+typedef struct {
+    int known;        /* whether the dynamic pressure gives coefficients */
+    double pressure;  /* [Pa] */
+    double deviation; /* of its error [Pa]; 0 where it is not known */
+    double mach_number, altitude; /* [1], [m]; NaN where not known */
+    double mach_deviation; /* stated, of the Mach number [1]; 0 for none */
+} Flow;
+
+/* What an estimator holds of the half-spaces. */
+typedef struct {
+    double *products; /* (n_half_spaces, 15) n_i n_j, doubled off the diagonal, in panels of dense.h */
+    double *variance; /* (dense_rows(n_half_spaces)) scratch */
+} HalfSpaces;
+
+/* What the linear estimator holds: the map's matrices for the gauges in use, and the numbers of the last step. */
+typedef struct {
+    const Map *map;
+    const Inputs *inputs;
+    double *output;        /* (N_OUTPUTS) of the estimator */
+    OtherLoads *other_loads;      /* loads in addition to the five, of a map that has some */
+    int wide;              /* wide_of_processor() */
+    Flow flow;             /* of the inputs since output was computed */
+    int conditions;        /* of the sample, bits of outputs.h */
+    Prepared prepared;
+    HalfSpaces half_spaces;
+    Scaled scaled;
+} Linear;
+
+/* Hand out the arrays, filled in. */
+void half_space_arrays(const Envelope *envelope, HalfSpaces *spaces, Room *room);
 
 /* Condition the loads on the strains, and set all outputs but the number of gauges and the health, where the gauges in use
    identify the state; of form "dynamic_pressure" where q_inf is known. */

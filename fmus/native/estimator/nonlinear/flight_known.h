@@ -8,7 +8,7 @@
 
 #include "../sample/inputs.h"
 #include "flight_other_loads.h"
-#include "solver_state.h"
+#include "flight_solver.h"
 
 /* Part "parameter_tables" of map.bin: tables and errors that follow known flow parameters, as sums over powers of
    each parameter.

@@ -3,7 +3,7 @@
 #ifndef FLIGHT_LOADS_H
 #define FLIGHT_LOADS_H
 
-#include "solver_state.h"
+#include "flight_solver.h"
 
 /* Loads and coefficients of the solution, from its state and the problem about it; their covariances, and the state's, by
    the full model. */
@@ -41,7 +41,15 @@ LoadErrors flight_load_errors(const FlightSolver *solver, const PressureErrors *
 double flight_load_square(const FlightSolver *solver, double square, size_t load, size_t other, const double *turned,
                           const double *other_turned);
 
-/* The relative standard deviation of a lognormal value, of which three reach as far as three of its logarithm's. */
-double lognormal_deviation(double of_log);
+/* Angles, Mach number and pressures of a flight state: strainfmu/estimator/reference/air.py. */
+
+#define N_AIR_DATA 7
+
+enum { ANGLE_OF_ATTACK, SIDESLIP_ANGLE, TOTAL_INCIDENCE, WIND_ROLL_ANGLE, AIR_MACH_NUMBER, AIR_PRESSURE, AIR_DYNAMIC };
+
+/* Air data of a solution, (2, N_AIR_DATA) with their sigmas, and whether each is identified: better known than by the
+   ranges of the map, whose standard deviations are prior_std (N_STATES). */
+void flight_air_data(const FlightMap *map, const double *prior_std, const Solution *solution, double *value,
+                     unsigned char *is_identified);
 
 #endif

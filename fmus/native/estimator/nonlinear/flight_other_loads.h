@@ -9,7 +9,7 @@
 
 #include "../sample/inputs.h"
 #include "../update/other_loads.h"
-#include "solver_state.h"
+#include "flight_solver.h"
 
 typedef struct {
     TableMap tables;                 /* a row per load, on the knots of the tables of strain; no rows in maps without */

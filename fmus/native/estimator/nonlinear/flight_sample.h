@@ -4,7 +4,7 @@
 #define FLIGHT_SAMPLE_H
 
 #include "../sample/inputs.h"
-#include "solver_state.h"
+#include "flight_solver.h"
 
 /* Take the gauges in use and their strain, at the reference temperature; their number. */
 size_t flight_set_strain(FlightSolver *solver, const Inputs *inputs);

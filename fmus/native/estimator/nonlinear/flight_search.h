@@ -3,7 +3,7 @@
 #ifndef FLIGHT_SEARCH_H
 #define FLIGHT_SEARCH_H
 
-#include "solver_state.h"
+#include "flight_solver.h"
 
 /* Solve for solver->sample from a search of the tables. Then the solution is in solver->solution. */
 void flight_solve_cold(FlightSolver *solver);

@@ -38,7 +38,7 @@
 #include "../../core/elementary.h"
 #include "../numerics/cholesky.h"
 #include "flight_loads.h"
-#include "strain_covariance.h"
+#include "flight_solver.h"
 
 #define MIN_MACH 0.1       /* below which ln M goes on as a constant */
 #define SMALLEST_PART 0.25 /* of a step that is taken */
@@ -346,7 +346,7 @@ static double cost_of_angles(const FlightSolver *solver) {
 
 /* Conclude at the state of the problem: covariance H^-1 of the model that the gain follows, the square of the next
    step in its standard deviations (rest_square), then all that follows from the full model. */
-void flight_settle(FlightSolver *solver) {
+static void flight_settle(FlightSolver *solver) {
     const FullModel *full = &solver->full;
     Solution *solution = &solver->solution;
     memcpy(solution->state, solver->state, sizeof solution->state);

@@ -5,7 +5,7 @@
 #ifndef FLIGHT_SOLVE_H
 #define FLIGHT_SOLVE_H
 
-#include "solver_state.h"
+#include "flight_solver.h"
 
 /* Solve for solver->sample by a fixed number of iterations from a state. Then the solution is in solver->solution. */
 void flight_solve_warm(FlightSolver *solver, const double *state);
@@ -14,14 +14,12 @@ void flight_solve_warm(FlightSolver *solver, const double *state);
 void flight_solve_again(FlightSolver *solver, const double *weighted_at, const double *state);
 
 /* The parts of it: S renewed half-way, and what shows the best end of a search; the solution from a state; the problem about
-   a state weighted by the last S, and by S there; -2 ln likelihood of the problem, less a constant; the solution at its
-   state. */
+   a state weighted by the last S, and by S there; -2 ln likelihood of the problem, less a constant. */
 double flight_iterate_start(FlightSolver *solver, double *state);
 void flight_solve_from(FlightSolver *solver, const double *state);
 void flight_linearise_at(FlightSolver *solver, const double *state);
 void flight_linearise_anew(FlightSolver *solver, const double *state);
 double flight_deviance(const FlightSolver *solver);
-void flight_settle(FlightSolver *solver);
 
 /* The full model at the state of the problem, of which the first n_free elements are free. */
 void flight_weigh_full(FlightSolver *solver, size_t n_free);

@@ -29,6 +29,14 @@
 #include "../numerics/wide.h"
 
 #define MOST_COMBINED (2 * LANES) /* with AVX-512 */
+#define DEGREE 3 /* of the splines */
+#define N_LOCAL (DEGREE + 1)
+
+/* The basis functions that are not zero at a point, and their derivatives. */
+typedef struct {
+    size_t first;
+    double value[N_LOCAL], slope[N_LOCAL];
+} Basis;
 
 static size_t cells_of(const TableMap *map) {
     return (map->n_mach + 2) * (map->n_incidence + 2);
@@ -78,7 +86,7 @@ static double padded(const double *knots, size_t n, size_t index) {
 
 /* The four cubic B-splines at x by Cox and de Boor's recursion, their derivatives by the splines of degree 2.
    Outside the knots x is clipped and the value goes on along the tangent. */
-Basis flight_basis(const double *knots, size_t n, double x) {
+static Basis flight_basis(const double *knots, size_t n, double x) {
     const double inside = x < knots[0] ? knots[0] : x > knots[n - 1] ? knots[n - 1] : x;
     size_t span = 0;
     while (span + 2 < n && knots[span + 1] <= inside) {
@@ -133,10 +141,6 @@ EVERYWHERE void make_cells(const FlightTables *tables, size_t mach, size_t incid
             make_cell(tables->parts, tables->width, cell, tables->cells + cell * tables->width);
         }
     }
-}
-
-void flight_make_cells(const FlightTables *tables, size_t mach, size_t incidence) {
-    make_cells(tables, mach, incidence);
 }
 
 /* Coefficients k to k + count of T, dT/dM and dT/da: sums over the four knots of Mach number (p, q), then over four

@@ -6,8 +6,8 @@
 #ifndef FLIGHT_TABLES_H
 #define FLIGHT_TABLES_H
 
-#include "../map/flight_map.h"
-#include "../numerics/lanes.h"
+#include "../map/map_resource.h"
+#include "../numerics/wide.h"
 
 /* What cells are made of, each when it is first read in a round: a first part and the others times a weight. */
 typedef struct {
@@ -29,18 +29,6 @@ typedef struct {
     double *wind[6];        /* (harmonics) scratch: cos and sin of m phi_T, derivatives by u, by w */
 } FlightTables;
 
-#define DEGREE 3 /* of the splines */
-#define N_LOCAL (DEGREE + 1)
-
-/* The basis functions that are not zero at a point, and their derivatives. */
-typedef struct {
-    size_t first;
-    double value[N_LOCAL], slope[N_LOCAL];
-} Basis;
-
-/* The basis at x; beyond the outer knots splines go on along their tangent. */
-Basis flight_basis(const double *knots, size_t n, double x);
-
 /* Response at a flight state, of the same tables always. */
 typedef struct {
     int known;                  /* whether there is one yet */
@@ -56,9 +44,6 @@ size_t flight_cell_doubles(const TableMap *map);
 /* Hand out the arrays of tables, filled in, and of a response. */
 void flight_tables_arrays(const TableMap *map, FlightTables *tables, Room *room);
 void response_arrays(const TableMap *map, Response *response, Room *room);
-
-/* Make the cells that are read from the pairs of knots `mach` and `incidence` on. */
-void flight_make_cells(const FlightTables *tables, size_t mach, size_t incidence);
 
 /* The response at a state, kept where it is there already: a step starts where the one before ended. wide as for
    wide.h. */

@@ -26,7 +26,6 @@
 #include <math.h>
 #include <string.h>
 
-#include "lanes.h"
 #include "wide.h"
 
 #define SWEEPS 40

@@ -11,7 +11,7 @@
    zero on the diagonal.
 
    Lost gauges (update/lost_rows.c), the complement of the states (update/added_noise.c) and the gauges in use
-   (update/masked_map.c) are all such decompositions. Columns are taken in pairs, which share the loads of v; each
+   (update/prepared.c) are all such decompositions. Columns are taken in pairs, which share the loads of v; each
    sum has the order of dot. docs/explanation/theory.md, "Missing and suspect gauges". */
 
 #include "triangles.h"
@@ -19,7 +19,6 @@
 #include <math.h>
 #include <string.h>
 
-#include "lanes.h"
 #include "wide.h"
 
 /* Four parts, so that additions need not wait for each other, added as (0 + 1) + (2 + 3); then the rest in order. */

@@ -4,6 +4,8 @@
 #ifndef WIDE_H
 #define WIDE_H
 
+#include <stddef.h>
+
 #if defined(__x86_64__) && defined(__GNUC__)
 #define HAS_AVX2 1
 #define AVX2 __attribute__((target("avx2")))
@@ -32,5 +34,12 @@
 
 /* Whether the processor and the system have AVX2: 1, or 2 with AVX-512, too. */
 int wide_of_processor(void);
+
+#define LANES 4
+
+/* The smallest multiple of LANES that holds n. */
+static inline size_t in_lanes(size_t n) {
+    return (n + LANES - 1) / LANES * LANES;
+}
 
 #endif

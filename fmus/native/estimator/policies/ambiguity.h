@@ -4,7 +4,7 @@
 #ifndef AMBIGUITY_H
 #define AMBIGUITY_H
 
-#include "../nonlinear/solver_state.h"
+#include "../nonlinear/flight_solver.h"
 
 /* Whether navigation gives neither p_inf nor q_inf. */
 int flight_pressure_unknown(const FlightSolver *solver);

@@ -3,7 +3,7 @@
    Channels of every map are five loads and five coefficients as they are put out; of a map with tables then the
    flight state (M, u, w, ln p_inf); then loads and coefficients in addition to the five. Each has the value and
    variance of the sample alone, and nu, the part of the variance that noise makes: responses of the solution to
-   noise, squared (linear/linear_noise.c, nonlinear/flight_noise.c). At moment point and references of the settings a
+   noise, squared (linear/linear_outputs.c, nonlinear/flight_noise.c). At moment point and references of the settings a
    row of a moment is row_M + shift row_F, so that rows are combined before they are squared.
 
    Filtered values replace loads and coefficients; air data follow from the filtered state, whose covariance is the
@@ -23,7 +23,6 @@
 #include "../numerics/cholesky.h"
 #include "flight.h"
 #include "flight_outputs.h"
-#include "flight_state.h"
 
 /* Steps without any strain: the last filtered estimate stays, and its standard deviations grow with the time since
    then.

@@ -5,7 +5,7 @@
 #define FILTERED_OUTPUTS_H
 
 #include "../filter/filter.h"
-#include "flight_state.h"
+#include "flight_outputs.h"
 
 /* Read the filter's part and allocate, after all other parts. 1; 0 after a message. */
 int filtered_outputs_create(MapFile *file, const Flight *flight, Filter *filter);

@@ -18,10 +18,8 @@
 #include "../nonlinear/flight_search.h"
 #include "../nonlinear/flight_solve.h"
 #include "../nonlinear/flight_solver.h"
-#include "air_data_faults.h"
-#include "ambiguity.h"
 #include "flight_outputs.h"
-#include "flight_state.h"
+#include "ambiguity.h"
 #include "other_solutions.h"
 
 /* Loads of the linear map where the tables' loads do not count.
@@ -259,6 +257,7 @@ static int allocate(Flight *flight, MapFile *file) {
         return 0;
     }
     lay_out(flight, &room);
+    flight_search_prepare(&flight->solver);
     return 1;
 }
 
@@ -322,6 +321,7 @@ void flight_renew(Flight *flight) {
     const AddedNoise *noise = &flight->linear->prepared.noise;
     known_forget(&flight->known);
     flight_solver_add_noise(&flight->solver, noise->own, noise->added);
+    flight_search_weigh(&flight->solver);
 }
 
 static int is_state(const double state[N_STATES]) {

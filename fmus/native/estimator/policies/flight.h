@@ -3,7 +3,7 @@
 #ifndef FLIGHT_H
 #define FLIGHT_H
 
-#include "flight_state.h"
+#include "flight_outputs.h"
 
 /* Read the parts of the tables, if there are any, and allocate. 1; 0 after a message. inputs, output, linear and loads are
    set. */

@@ -4,7 +4,7 @@
 #ifndef OTHER_SOLUTIONS_H
 #define OTHER_SOLUTIONS_H
 
-#include "../nonlinear/solver_state.h"
+#include "../nonlinear/flight_solver.h"
 
 int flight_gauges_are_lost(const FlightSolver *solver);
 

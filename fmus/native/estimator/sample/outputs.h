@@ -3,6 +3,8 @@
 #ifndef OUTPUTS_H
 #define OUTPUTS_H
 
+#include <math.h>
+
 #include "../map/map_resource.h"
 
 /* Indices of the outputs; their numbers are the value references of FMI 2.0. Integers and the health state are whole
@@ -51,14 +53,25 @@ static inline int is_usable(double health) {
 }
 
 /* Factors of coefficients at q_inf [Pa]: 1 / (q S) for the three forces, 1 / (q S L) for the two moments. */
-void coefficient_scales(double pressure, double area, double length, double *scale);
+static inline void coefficient_scales(double pressure, double area, double length, double *scale) {
+    scale[0] = scale[1] = scale[2] = 1.0 / (pressure * area);
+    scale[3] = scale[4] = 1.0 / (pressure * (area * length));
+}
 
 /* No number, for outputs from `first` up to, not including, `end`. */
-void set_unknown_from(double *output, int first, int end);
+static inline void set_unknown_from(double *output, int first, int end) {
+    for (int i = first; i < end; i++) {
+        output[i] = NAN;
+    }
+}
 
 /* Outputs without an estimate: no loads and coefficients, and a residual without terms, whose chi-square and envelope
    margin are 0. Counts and health are the caller's. */
-void set_unknown(double *output, double chi_square_limit);
+static inline void set_unknown(double *output, double chi_square_limit) {
+    set_unknown_from(output, COEFFICIENTS, HEALTH_STATE);
+    output[CHI_SQUARE] = output[ENVELOPE_SCORE] = 0.0;
+    output[CHI_SQUARE_LIMIT] = chi_square_limit;
+}
 
 /* M_P' = M_P + shift F_N and M_Y' = M_Y + shift F_Y about a point further aft. */
 static inline void move_moments(double shift, double *loads) {

@@ -18,7 +18,7 @@
    costs the product of `gain` (2 n, n_t), strain and rise of each gauge per rise of each sensor. No sensor known:
    the map's own matrices, in which the modes are noise, and no correction.
 
-   Inertia uses the same machine: its modes are amplitudes of channels of an inertial unit (sample/inertia.c), the
+   Inertia uses the same machine: its modes are amplitudes of channels of an inertial unit (sample/readings.c), the
    last sensors. The standard deviation of vibration modes is an input, in steps of sqrt 2 over its prior, so that
    matrices stay while it changes little. docs/explanation/temperature.md, "The model";
    strainfmu/estimator/map/sensors.py; amplitudes and rows_of in strainfmu/estimator/reference/readings.py. */

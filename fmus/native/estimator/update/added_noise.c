@@ -14,7 +14,7 @@
        DIRECTIONS .. LOADS  V, S, F, R of eq:scaled-decomposition: pressure_directions.c
        FIXED_LOADS          gain and what it leaves, of form "absolute"
 
-   P is the precision of strain that masked_map.c needs for the gauges in use. A Householder decomposition of [I;
+   P is the precision of strain that prepared.c needs for the gauges in use. A Householder decomposition of [I;
    L^-1 A] (I for a standard normal state, 0 for a free one) turns [0; L^-1] into rows that the states explain and
    rows W below them: then W' W = P. docs/explanation/theory.md, "Missing and suspect gauges", and
    docs/explanation/dynamic_pressure.md; strainfmu/estimator/reference/update.py, prepare, is the same by an SVD.
@@ -27,7 +27,6 @@
 #include <string.h>
 
 #include "../numerics/triangles.h"
-#include "noise_state.h"
 #include "pressure_directions.h"
 
 /* Loads by direction of a map in form "absolute": the gain of its regularisation gamma, and what noise and prior

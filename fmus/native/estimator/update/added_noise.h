@@ -7,7 +7,7 @@
 #ifndef ADDED_NOISE_H
 #define ADDED_NOISE_H
 
-#include "noise_state.h"
+#include "pressure_directions.h"
 
 /* Hand out the arrays for the map of a file; other_loads is set. */
 void added_noise_arrays(const Map *map, AddedNoise *noise, Room *room);

@@ -9,7 +9,7 @@
 #ifndef CURRENT_ERRORS_H
 #define CURRENT_ERRORS_H
 
-#include "scaled_state.h"
+#include "lost_rows.h"
 
 /* Hand out the arrays. */
 void current_errors_arrays(Scaled *scaled, Room *room);

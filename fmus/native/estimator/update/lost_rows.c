@@ -19,7 +19,7 @@
 
    head is the first n_lost elements, tail the rest; F (5, n) are the loads of each direction and W = diag(weight),
    so that G_all = F W V. (R' R)^-1 is the covariance of e. R is singular where the other gauges do not identify a
-   state; masked_map.c refuses such a set before.
+   state; prepared.c refuses such a set before.
 
    In form "absolute" with gamma other than 1 the gain has another prior than the truth, so it has a u of its own:
    qr_of_gain decomposes with that one, qr_of_truth with the true one, and the covariance follows from Joseph's form

@@ -13,9 +13,189 @@
 
 #include "prepared.h"
 
+#include <math.h>
 #include <string.h>
 
+#include "../numerics/triangles.h"
 #include "../sample/readings.h"
+
+/* What a step needs of a map for the gauges in use, once per set: whether they identify the state, thresholds, and
+   which gauges cannot be distinguished.
+
+   P (n, n) = W' W is the precision of strain with all gauges, R of W = Q R is residual_triangle (added_noise.c).
+   With the columns of the missing gauges M first and the gauges in use K behind them,
+
+       [W_M W_K] = Q [R_MM R_MK; 0 R_KK],
+
+   R_KK' R_KK is the precision of the gauges in use, the missing ones being marginalised (docs/explanation/theory.md,
+   "Missing and suspect gauges": P_KK - P_KM P_MM^-1 P_MK). Without a prior the information that the gauges in use
+   have on a state, over the information of all gauges, is (in the worst state) the square of the smallest singular
+   value of R_MM r^-1, where r is the R of L^-1 of the missing gauges alone: R_MM measures what the others do not
+   explain of a missing gauge, r its own noise. Below min_information the state counts as not identified.
+
+   Correlation of two leave-one-out residuals: (P_K)_ij / sqrt(P_ii P_jj). Gauges of a correlation of nearly 1 cannot
+   be distinguished and form a group; the relation is continued through a third gauge. Triangle and groups are made
+   when a suspect needs them; a step without one does with the first n_missing columns. */
+
+static void masked_map_arrays(const Map *map, MaskedMap *masked, Room *room) {
+    const size_t n = map->n_gauges;
+    masked->triangle = taken(room, triangle_column(n));
+    masked->z_scale = taken(room, n);
+    masked->used = piece(room, n, sizeof *masked->used);
+    masked->group = piece(room, n, sizeof *masked->group);
+    masked->mask = piece(room, n, 1);
+}
+
+static void workspace_arrays(const Map *map, Workspace *work, Room *room) {
+    const size_t n = map->n_gauges;
+    work->first = taken(room, n * n);
+    work->second = taken(room, n * n);
+    work->third = taken(room, n * n);
+    work->order = piece(room, n, sizeof *work->order);
+}
+
+/* The missing gauges, then those in use, both ascending: the order of the columns. The result is the number of the
+   missing. */
+static size_t missing_first(const Map *map, MaskedMap *masked, size_t *order) {
+    size_t missing = 0, used = 0;
+    for (size_t i = 0; i < map->n_gauges; i++) {
+        if (masked->mask[i]) {
+            masked->used[used++] = i;
+        } else {
+            order[missing++] = i;
+        }
+    }
+    memcpy(order + missing, masked->used, used * sizeof *order);
+    masked->n_used = used;
+    return missing;
+}
+
+/* The first columns of the R of W in another order of the gauges, from the packed R: the reflections act on columns
+   of R, which are shorter than columns of W. */
+static void reordered_triangle(int wide, size_t n, size_t columns, const double *packed, const size_t *order, double *a) {
+    for (size_t j = 0; j < columns; j++) {
+        const size_t height = order[j] + 1;
+        memcpy(a + j * n, packed + triangle_column(order[j]), height * sizeof *a);
+        memset(a + j * n + height, 0, (n - height) * sizeof *a);
+    }
+    householder_triangle(wide, n, columns, a);
+}
+
+/* A lower bound of the smallest singular value of a triangle T: 1 / |T^-1|_F, an inverse column at a time. 0 where T
+   is singular. */
+static double least_singular_value(size_t n, const double *triangle, double *column) {
+    double square = 0.0;
+    for (size_t j = 0; j < n; j++) {
+        if (!(fabs(triangle[j * n + j]) > 0.0)) {
+            return 0.0;
+        }
+        memset(column, 0, n * sizeof *column);
+        column[j] = 1.0;
+        solve_triangle(n, j + 1, triangle, column);
+        square += dot(j + 1, column, column);
+    }
+    return 1.0 / sqrt(square);
+}
+
+/* The square of the smallest singular value of R_MM r^-1. The cheap lower bound decides most sets; an exact value is
+   computed where it does not suffice. */
+static double information_left(const Map *map, size_t n_missing, Workspace *work) {
+    const size_t n = map->n_gauges;
+    double *r = work->second, *ratio = work->third;
+    for (size_t j = 0; j < n_missing; j++) {
+        const size_t gauge = work->order[j];
+        for (size_t i = 0; i < n; i++) {
+            r[j * n + i] = i < gauge ? 0.0 : map->noise_whitening[triangle_column(i) + gauge];
+        }
+    }
+    householder_triangle(work->wide, n, n_missing, r);
+    for (size_t j = 0; j < n_missing; j++) {
+        double *column = ratio + j * n_missing;
+        memset(column, 0, n_missing * sizeof *column);
+        memcpy(column, work->first + j * n, (j + 1) * sizeof *column);
+        /* Column j of R_MM r^-1, by substitution from the left. */
+        for (size_t m = 0; m < j; m++) {
+            for (size_t i = 0; i <= m; i++) {
+                column[i] -= ratio[m * n_missing + i] * r[j * n + m];
+            }
+        }
+        for (size_t i = 0; i <= j; i++) {
+            column[i] /= r[j * n + j];
+        }
+    }
+    const double least = least_singular_value(n_missing, ratio, r);
+    const double smallest = least * least >= map->min_information ? least : smallest_singular_value(n_missing, ratio);
+    return smallest * smallest;
+}
+
+/* A known prior identifies every state. Without one, more missing gauges than degrees of freedom leave W_M without
+   full rank. */
+static int identifies(const Map *map, size_t n_missing, Workspace *work) {
+    if (n_missing == map->n_gauges) {
+        return 0;
+    }
+    if (n_missing == 0 || map->known_prior) {
+        return 1;
+    }
+    return n_missing <= (size_t)map->degrees_of_freedom
+        && information_left(map, n_missing, work) >= map->min_information;
+}
+
+/* R_KK, and 1 / sqrt(P_ii) of each gauge in use; 0 where P_ii is rounding, so that no other gauge checks this one. */
+static void set_residual(const Map *map, MaskedMap *masked, size_t n_missing, const Workspace *work) {
+    const size_t n = map->n_gauges;
+    reordered_triangle(work->wide, n, n, map->residual_triangle, work->order, work->first);
+    for (size_t k = 0; k < masked->n_used; k++) {
+        double *column = masked->triangle + triangle_column(k);
+        memcpy(column, work->first + (n_missing + k) * n + n_missing, (k + 1) * sizeof *column);
+        const double precision = dot(k + 1, column, column);
+        const int checked = precision > map->min_precision[masked->used[k]];
+        masked->z_scale[k] = checked ? 1.0 / sqrt(precision) : 0.0;
+    }
+}
+
+/* Put gauges together whose z are correlated beyond the limit, directly or through others. */
+static void set_groups(const Map *map, MaskedMap *masked) {
+    size_t *group = masked->group;
+    for (size_t j = 0; j < masked->n_used; j++) {
+        group[j] = j;
+        for (size_t i = 0; i < j; i++) {
+            const double product =
+                dot(i + 1, masked->triangle + triangle_column(i), masked->triangle + triangle_column(j));
+            const double correlation = product * (masked->z_scale[i] * masked->z_scale[j]);
+            if (fabs(correlation) < map->ambiguous_correlation || group[i] == group[j]) {
+                continue;
+            }
+            /* Join the two groups under the smaller number, which is a member's. */
+            const size_t first = group[i] < group[j] ? group[i] : group[j];
+            const size_t other = group[i] < group[j] ? group[j] : group[i];
+            for (size_t k = 0; k <= j; k++) {
+                group[k] = group[k] == other ? first : group[k];
+            }
+        }
+    }
+}
+
+void masked_map_groups(const Map *map, MaskedMap *masked, Workspace *work) {
+    if (!masked->grouped) {
+        set_residual(map, masked, missing_first(map, masked, work->order), work);
+        set_groups(map, masked);
+        masked->grouped = 1;
+    }
+}
+
+static void masked_map_prepare(const Map *map, MaskedMap *masked, Workspace *work) {
+    const size_t n_missing = missing_first(map, masked, work->order);
+    masked->grouped = 0;
+    reordered_triangle(work->wide, map->n_gauges, n_missing, map->residual_triangle, work->order, work->first);
+    masked->identified = identifies(map, n_missing, work);
+    if (!masked->identified) {
+        return;
+    }
+    const int freedom = map->degrees_of_freedom - (int)n_missing;
+    masked->chi_square_limit = freedom > 0 ? map->chi_square_limit[freedom - 1] : INFINITY;
+    masked->outlier_threshold = map->outlier_threshold[masked->n_used - 1];
+}
 
 void prepared_arrays(Map *map, size_t n_strains, Prepared *prepared, Room *room) {
     prepared->map = map;

@@ -5,7 +5,38 @@
 #ifndef PRESSURE_DIRECTIONS_H
 #define PRESSURE_DIRECTIONS_H
 
-#include "noise_state.h"
+#include "../numerics/orthogonal_rows.h"
+#include "other_loads.h"
+
+/* The arrays of Map, ScaledForm and OtherLoads that follow from others. */
+typedef struct {
+    double *residual_triangle, *noise_whitening, *min_precision; /* as in Map */
+    double *whitening, *singular, *load, *noise_left, *prior_left, *unseen, *form_min_precision; /* as in ScaledForm */
+    double *other_load, *other_unseen;                                 /* as in OtherLoads */
+} NoiseMatrices;
+
+typedef struct {
+    int wide;        /* wide_of_processor() */
+    Map file;        /* with the arrays of the file alone */
+    double *added;   /* (n_gauges, n_gauges) covariance of the other errors [1] */
+    const double *own, *whole; /* (n_gauges, n_gauges) covariance of the gauges instead of the file's, and with the
+                                  errors that scale; NULL for the file's */
+    OtherLoads *other_loads; /* other loads, which follow too; NULL for none */
+    NoiseMatrices set[2], *made; /* the map's, and the ones that are made */
+    int stage;       /* of the functions in added_noise.c */
+    int refused;     /* whether own and added were no covariance: they are the file's then */
+    Turned turned;   /* of pressure_directions.c, */
+    size_t taken;    /* and the directions that it has taken */
+    double *large;   /* scratch: see added_noise.c */
+    double *head;
+    double *square;    /* (n_gauges, n_gauges) */
+    double *rows;      /* of gain and loads of form "absolute" */
+} AddedNoise;
+
+/* The covariance of the gauges' own errors in entry k. */
+static inline double own_covariance(const AddedNoise *noise, size_t k) {
+    return (noise->own != NULL ? noise->own : noise->file.gauge_covariance)[k] + noise->added[k];
+}
 
 /* Number of doubles of noise->large that it needs. */
 size_t pressure_directions_doubles(const Map *map);

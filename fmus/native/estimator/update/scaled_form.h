@@ -6,7 +6,7 @@
 #ifndef SCALED_FORM_H
 #define SCALED_FORM_H
 
-#include "scaled_state.h"
+#include "lost_rows.h"
 
 /* Hand out the arrays. map, other_loads and wide are set. */
 void scaled_arrays(Scaled *scaled, Room *room);

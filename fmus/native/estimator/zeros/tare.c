@@ -3,8 +3,8 @@
        IDLE -- rising edge --> AVERAGING -- falling edge, nothing speaks against it --> DONE, zero offsets in use
                                    |------- falling edge, a fault; q above its limit ---> REFUSED, zero offsets as before
 
-   While the input is true each step adds its readings to a window (tare_window.c). The falling edge judges the
-   window (tare_judge.c). A dynamic pressure that is not known or above its limit ends the tare at once: loads on the
+   While the input is true each step adds its readings to a window. The falling edge judges the
+   window (both in tare_judge.c). A dynamic pressure that is not known or above its limit ends the tare at once: loads on the
    gauges are not known then. New zero offsets go into use with their standard deviations, for which matrices are
    renewed (renewal.c). docs/howto/tare.md, "In an FMU" and "When it is refused". */
 
@@ -15,7 +15,6 @@
 #include <string.h>
 
 #include "tare_judge.h"
-#include "tare_state.h"
 
 /* One line for the log of an FMU: why a tare was refused, the first reason that applies, or what it has taken.
    Strain is in um/m, gauges are counted from 1. docs/howto/tare.md, "When it is refused". */
@@ -295,4 +294,39 @@ int tare_state_fits(const Tare *tare, const unsigned char *bytes) {
         && (flags.state == (double)TARE_IDLE || flags.state == (double)TARE_AVERAGING || flags.state == (double)TARE_DONE
             || flags.state == (double)TARE_REFUSED)
         && window_counts_fit(&counts) && arrays_fit(tare, bytes + sizeof counts);
+}
+
+/* Records of a tare: limits that a caller may replace, and the outcome, in the order of the structures TareFlags and
+   TareVerdict, which hold float64 alone and are copied as they are. docs/howto/tare.md. */
+
+const char *const TARE_LIMIT_NAMES[N_TARE_LIMITS] = {"dynamic_pressure", "zero", "drift"};
+
+const char *const TARE_VERDICT_NAMES[N_TARE_VERDICT] = {
+    "faults",           "samples",         "memory",         "gauges", "rms",          "largest_std",
+    "dynamic_pressure", "samples_without", "drifting_gauge", "drift",  "moving_gauge", "moving_scatter",
+    "largest_gauge",    "largest",         "along",          "along_limit",
+};
+
+void use_limits(Tare *tare, const TareLimits *of_map, const double *limits) {
+    tare->limits = *of_map;
+    if (limits != NULL) {
+        tare->limits.dynamic_pressure = limits[0];
+        tare->limits.zero = limits[1];
+        tare->limits.drift = limits[2];
+        tare->limits.known_strain = limits + N_TARE_LIMITS;
+        tare->limits.known_std = tare->limits.known_strain + tare->n_gauges;
+    }
+}
+
+void write_tare(const Tare *tare, const double *zero, double *outcome) {
+    const size_t n = tare->n_gauges;
+    memcpy(outcome, zero, (2 * n + 1) * sizeof *outcome);
+    outcome += 2 * n + 1;
+    for (size_t i = 0; i < n; i++) {
+        outcome[i] = (double)tare->statistics.reads[i];
+    }
+    memcpy(outcome + n, tare->statistics.scatter, n * sizeof *outcome);
+    outcome += 2 * n;
+    memcpy(outcome, &tare->flags, sizeof tare->flags);
+    memcpy(outcome + sizeof tare->flags / sizeof *outcome, &tare->verdict, sizeof tare->verdict);
 }

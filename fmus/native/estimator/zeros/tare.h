@@ -6,7 +6,7 @@
 #ifndef TARE_H
 #define TARE_H
 
-#include "tare_state.h"
+#include "tare_judge.h"
 
 /* Read the part, if there is one, and allocate. 1; 0 after a message. */
 int tare_create(MapFile *file, size_t n_gauges, double largest_zero, Tare *tare);
@@ -41,5 +41,23 @@ size_t tare_state_size(const Tare *tare);
 void tare_write_state(const Tare *tare, unsigned char *bytes);
 int tare_state_fits(const Tare *tare, const unsigned char *bytes);
 void tare_read_state(Tare *tare, const unsigned char *bytes);
+
+/* The records of a tare: what it is given, and what it found.
+
+   Limits: dynamic_pressure [Pa], zero, drift; then (n_gauges) known_strain and known_strain_std. The outcome:
+   (n_gauges) zero, zero_std, one zero_common_std, (n_gauges) whether a gauge reads, scatter; then the flags and the
+   verdict, in the order of TareFlags and TareVerdict. */
+
+enum { N_TARE_LIMITS = 3, N_TARE_VERDICT = sizeof(TareVerdict) / sizeof(double) };
+
+/* Names of the fields of one value each. */
+extern const char *const TARE_LIMIT_NAMES[N_TARE_LIMITS];
+extern const char *const TARE_VERDICT_NAMES[N_TARE_VERDICT];
+
+/* Judge by `limits` from now on, which must live as long as that; by the limits of `of_map` if they are NULL. */
+void use_limits(Tare *tare, const TareLimits *of_map, const double *limits);
+
+/* Write the outcome of which the zeros (2 n_gauges + 1) are `zero`. */
+void write_tare(const Tare *tare, const double *zero, double *outcome);
 
 #endif
