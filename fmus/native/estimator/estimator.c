@@ -51,7 +51,7 @@ static void connect(Estimator *e) {
 }
 
 static void lay_out(Estimator *e, Room *room) {
-    const size_t n = e->map.n_gauges, n_inputs = inputs_count(&e->inputs);
+    const size_t n = e->map.n_gauges, n_inputs = e->inputs.first[N_INPUT_RUNS];
     linear_arrays(&e->map, e->sensors.n_strains, &e->linear, room);
     renewal_arrays(e->sensors.n_strains, &e->renewal, room);
     e->inputs.value = taken(room, n_inputs);
@@ -108,6 +108,7 @@ static int create(Estimator *e, MapFile *file) {
     }
     e->inputs.n_temperatures = e->thermal.present ? e->thermal.map.n_sensors - n_channels : 0;
     e->inputs.n_inertial = n_channels > 0 ? N_INERTIAL_INPUTS : 0;
+    inputs_lay_out(&e->inputs);
     if (!allocate(e, file)) {
         return 0;
     }
@@ -174,7 +175,7 @@ void estimator_before_change(Estimator *e) {
 
 int estimator_filters(const Estimator *e) {
     const int takes_steps = (e->base.mode & (EVENT | CONTINUOUS_TIME)) == 0; /* not in model exchange */
-    return e->filter.present && takes_steps && e->inputs.value[filter_setting(&e->inputs)] > 0.0;
+    return e->filter.present && takes_steps && e->inputs.value[single_input(&e->inputs, TIME_CONSTANT_RUN)] > 0.0;
 }
 
 /* Take a step of the filter from a point in time [s]; a filter that is off forgets all samples. */
@@ -251,7 +252,7 @@ void estimator_take_readings(Estimator *e) {
 /* Filter the outputs, or have them as they are. */
 static void filter_outputs(Estimator *e) {
     if (estimator_filters(e)) {
-        filtered_outputs(&e->filter, &e->flight, e->inputs.value[filter_setting(&e->inputs)]);
+        filtered_outputs(&e->filter, &e->flight, e->inputs.value[single_input(&e->inputs, TIME_CONSTANT_RUN)]);
     } else {
         filter_without(&e->filter);
     }
@@ -271,7 +272,7 @@ static int conditions_of(const Estimator *e, int renews) {
 
 const double *estimator_outputs(Estimator *e) {
     if (e->outdated) {
-        const double *temperature = e->inputs.value + first_temperature(&e->inputs);
+        const double *temperature = e->inputs.value + e->inputs.first[TEMPERATURE_RUN];
         double channel[N_INERTIAL_CHANNELS], vibration = NAN;
         if (e->inputs.n_inertial > 0) {
             inertial_channels(&e->inputs, channel);
@@ -301,4 +302,25 @@ const double *estimator_outputs(Estimator *e) {
         e->output[HEALTH_STATE] = health_state(conditions_of(e, renews));
     }
     return e->output;
+}
+
+const double *other_loads_of(Estimator *e) {
+    if (e->other_loads.present && e->other_loads.outdated) {
+        flight_other_loads_update(&e->flight);
+    }
+    return e->other_loads.value[0];
+}
+
+int estimator_set_input(Estimator *e, size_t input, double value, char text[MODEL_TEXT_SIZE]) {
+    if (input < e->map.n_gauges) {
+        readings_note_given(&e->inputs, input, input + 1);
+    } else if (!inputs_accept(&e->inputs, input, value, text)) {
+        return 0;
+    } else if (is_zero(&e->inputs, input) && e->inputs.value[input] != value) {
+        tare_drop(&e->tare);
+        e->noise_outdated = 1;
+    }
+    e->inputs.value[input] = value;
+    e->outdated = 1;
+    return 1;
 }

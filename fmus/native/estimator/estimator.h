@@ -89,6 +89,13 @@ int estimator_contradicted_force(const Estimator *estimator);
 /* The N_OUTPUTS outputs for the present inputs; of maps with tables also those in estimator->flight. */
 const double *estimator_outputs(Estimator *estimator);
 
+/* The N_OTHER_VALUES arrays of loads in addition to the five, of outputs that are computed; NULL without. */
+const double *other_loads_of(Estimator *estimator);
+
+/* Give an input or setting a value. Readings count as given, other zeros end the use of a tare's. 1; 0, after a message, if it
+   is refused. */
+int estimator_set_input(Estimator *estimator, size_t input, double value, char text[MODEL_TEXT_SIZE]);
+
 /* Number of derivatives: N_OUTPUTS, air data, all loads in addition to the five. */
 static inline size_t estimator_derivatives(const Estimator *e) {
     return N_OUTPUTS + N_FLIGHT_REALS + N_OTHER_VALUES * e->other_loads.map.n_loads;

@@ -48,34 +48,36 @@ static double thrust_size(const Estimator *e) {
 
 /* The change of an input that moves the estimate by about its noise; 0 for one that is not known, and stays so. */
 static double natural_size(const Estimator *e, size_t input) {
-    const size_t n = e->map.n_gauges, zero = input - (n + N_ALL_SCALARS), temperatures = first_temperature(&e->inputs);
-    const double value = e->inputs.value[input], positive = value > 0.0 ? FRACTION * value : 0.0;
+    const Inputs *inputs = &e->inputs;
+    const size_t n = e->map.n_gauges, *first = inputs->first;
+    const double value = inputs->value[input], positive = value > 0.0 ? FRACTION * value : 0.0;
     if (input < n) {
         return noise_of(e, input);
     }
     if (input == n + MOMENT_STATION) {
         return FRACTION * e->map.reference_length;
     }
-    if (input >= n + N_ALL_SCALARS && input < temperatures) {
-        return zero < e->sensors.n_strains ? noise_of(e, zero) : 0.0;
+    if (is_zero(inputs, input)) {
+        return input - first[ZERO_RUN] < e->sensors.n_strains ? noise_of(e, input - first[ZERO_RUN]) : 0.0;
     }
-    if (input == thrust_input(&e->inputs)) {
+    if (input == single_input(inputs, THRUST_RUN)) {
         return value == e->map.not_known ? 0.0 : thrust_size(e);
     }
-    if (input >= first_parameter(&e->inputs) && input < first_parameter_std(&e->inputs)) {
-        return value == e->map.not_known ? 0.0 : FRACTION * e->parameters.span[input - first_parameter(&e->inputs)];
+    if (input >= first[PARAMETER_RUN] && input < first[PARAMETER_STD_RUN]) {
+        return value == e->map.not_known ? 0.0 : FRACTION * e->parameters.span[input - first[PARAMETER_RUN]];
     }
-    if (input >= first_inertial(&e->inputs)) {
-        const int none = input == first_inertial(&e->inputs) + VIBRATION || value == e->map.not_known || !isfinite(value);
+    if (input >= first[INERTIAL_RUN]) {
+        const int none = input == first[INERTIAL_RUN] + VIBRATION || value == e->map.not_known || !isfinite(value);
         return none ? 0.0 : 1.0;
     }
-    return input >= temperatures && input < first_parameter(&e->inputs) ? (value > 0.0 ? 1.0 : 0.0) : positive;
+    const int is_temperature = input >= first[TEMPERATURE_RUN] && input < first[PARAMETER_RUN];
+    return is_temperature ? (value > 0.0 ? 1.0 : 0.0) : positive;
 }
 
 /* The length of a step along the direction, in it; what stays is taken out of the direction. 0 if nothing moves. */
 static double step_along(const Estimator *e, double *direction) {
     double square = 0.0;
-    for (size_t i = 0; i < inputs_count(&e->inputs); i++) {
+    for (size_t i = 0; i < e->inputs.first[N_INPUT_RUNS]; i++) {
         const double size = natural_size(e, i), relative = direction[i] / size;
         direction[i] = size > 0.0 && isfinite(size) ? direction[i] : 0.0;
         square += direction[i] != 0.0 ? relative * relative : 0.0;
@@ -115,10 +117,8 @@ static void copy_outputs(Estimator *e, double *value) {
     memcpy(value, e->output, sizeof e->output);
     memcpy(value + N_OUTPUTS, e->flight.real, sizeof e->flight.real);
     if (e->other_loads.present) {
-        if (e->other_loads.outdated) {
-            flight_other_loads_update(&e->flight);
-        }
-        memcpy(value + N_OUTPUTS + N_FLIGHT_REALS, e->other_loads.value[0], N_OTHER_VALUES * e->other_loads.map.n_loads * sizeof *value);
+        const size_t count = N_OTHER_VALUES * e->other_loads.map.n_loads;
+        memcpy(value + N_OUTPUTS + N_FLIGHT_REALS, other_loads_of(e), count * sizeof *value);
     }
 }
 
@@ -135,7 +135,7 @@ static void add_point(Estimator *e, double weight, const double *middle, double 
 }
 
 int estimator_derivative(Estimator *e, double *direction, double *derivative, char text[MODEL_TEXT_SIZE]) {
-    const size_t n_inputs = inputs_count(&e->inputs), count = estimator_derivatives(e);
+    const size_t n_inputs = e->inputs.first[N_INPUT_RUNS], count = estimator_derivatives(e);
     double *input = e->derivative_work, *middle = input + n_inputs, *value = middle + count;
     estimator_outputs(e);
     copy_outputs(e, middle);

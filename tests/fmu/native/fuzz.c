@@ -204,12 +204,12 @@ static void use(Estimator *e) {
         scalar[MACH_NUMBER] = step % 2 ? NAN : 6.0;
         scalar[ALTITUDE] = step % 4 ? 3e3 * step : NAN;
         if (e->filter.present) { /* off, then on from the fifth step to the last but one */
-            e->inputs.value[filter_setting(&e->inputs)] = step < 4 || step == 9 ? 0.0 : 1.0;
+            e->inputs.value[single_input(&e->inputs, TIME_CONSTANT_RUN)] = step < 4 || step == 9 ? 0.0 : 1.0;
         }
         for (size_t t = 0; e->thermal.present && t < e->thermal.map.n_sensors; t++) { /* others read in every third step */
             const int reads = (t + step / 3) % 3 != 0;
             const double reading = e->thermal.map.reference + 3.0 * (double)(t + step);
-            e->inputs.value[first_temperature(&e->inputs) + t] = reads ? reading : NAN;
+            e->inputs.value[e->inputs.first[TEMPERATURE_RUN] + t] = reads ? reading : NAN;
         }
         estimator_before_change(e);
         if (e->flight.present || e->filter.present) {
@@ -220,7 +220,7 @@ static void use(Estimator *e) {
             abort();
         }
         check_suspects(e);
-        for (size_t i = 0; i < inputs_count(&e->inputs); i++) {
+        for (size_t i = 0; i < e->inputs.first[N_INPUT_RUNS]; i++) {
             e->direction[i] = 1.0;
         }
         estimator_derivative(e, e->direction, e->derivative, text);

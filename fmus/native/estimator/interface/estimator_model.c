@@ -166,14 +166,14 @@ static int event(Model *model, char text[MODEL_TEXT_SIZE]) {
     }
     if (outside != SIZE_MAX) {
         snprintf(text + used, MODEL_TEXT_SIZE - used, "; %s = %g is outside %g to %g",
-                 e->parameters.names + outside * PARAMETER_NAME_SIZE, e->inputs.value[first_parameter(&e->inputs) + outside],
+                 e->parameters.names + outside * PARAMETER_NAME_SIZE, e->inputs.value[e->inputs.first[PARAMETER_RUN] + outside],
                  e->parameters.minimum[outside], e->parameters.maximum[outside]);
     }
     const int axis = health == INCONSISTENT ? estimator_contradicted_force(e) : 0;
     if (axis != 0) {
         const double force = output[LOADS + 3 - axis] / e->thermal.map.vehicle_mass;
         snprintf(text + used, MODEL_TEXT_SIZE - used, "; specific_force_%c: expected about %.3g m/s2 by load and mass, got %.3g",
-                 " yz"[axis], force, e->inputs.value[first_inertial(&e->inputs) + (size_t)axis]);
+                 " yz"[axis], force, e->inputs.value[e->inputs.first[INERTIAL_RUN] + (size_t)axis]);
     }
     if (health == DEGRADED && estimator_renews(e)) {
         snprintf(text + used, MODEL_TEXT_SIZE - used, "; matrices for other deviations of zeros are being made");
@@ -190,6 +190,19 @@ static int wrong_type(size_t variable, char *text) {
     return 0;
 }
 
+/* The present value of a real variable. */
+static double real_value(Estimator *e, Variable variable) {
+    const double *output = variable.kind == OUTPUT || variable.kind == AIR_DATA || variable.kind == OTHER_LOAD ? estimator_outputs(e) : NULL;
+    switch (variable.kind) {
+    case OUTPUT: return output[variable.place];
+    case INPUT: return e->inputs.value[variable.place];
+    case AIR_DATA: return e->flight.real[variable.place];
+    case ZERO_IN_USE: return zeros_in_use(e)[variable.place];
+    case SCORE: return known_parameter_score(&e->inputs, variable.place);
+    default: return other_loads_of(e)[variable.place];
+    }
+}
+
 static int get_reals(Model *model, const Selection *which, double *value, char text[MODEL_TEXT_SIZE]) {
     Estimator *e = estimator_of(model);
     const size_t count = which->count;
@@ -198,32 +211,11 @@ static int get_reals(Model *model, const Selection *which, double *value, char t
         return 1;
     }
     for (size_t k = 0; k < count; k++) {
-        const size_t variable = selected(which, k), input = input_of(e, variable);
-        if (is_source(e, variable)) {
-            return wrong_type(variable, text);
+        const Variable variable = variable_of(e, selected(which, k));
+        if (variable_type(e, variable) != REAL) {
+            return wrong_type(selected(which, k), text);
         }
-        if (input != SIZE_MAX) {
-            value[k] = e->inputs.value[input];
-        } else if (is_real_output(variable)) {
-            value[k] = estimator_outputs(e)[variable];
-        } else if (other_real(e, variable) != NULL) {
-            estimator_outputs(e);
-            if (e->other_loads.outdated) {
-                flight_other_loads_update(&e->flight);
-            }
-            value[k] = *other_real(e, variable);
-        } else if (zero_in_use(e, variable) != SIZE_MAX) {
-            value[k] = zeros_in_use(e)[zero_in_use(e, variable)];
-        } else if (parameter_output(e, variable) != SIZE_MAX) {
-            const size_t parameter = parameter_output(e, variable);
-            const double given = e->inputs.value[first_parameter(&e->inputs) + parameter];
-            value[k] = given == e->map.not_known ? 0.0 : parameter_score(&e->parameters, parameter, given);
-        } else if (flight_real(e, variable) != SIZE_MAX) {
-            estimator_outputs(e);
-            value[k] = e->flight.real[flight_real(e, variable)];
-        } else {
-            return wrong_type(variable, text);
-        }
+        value[k] = real_value(e, variable);
     }
     return 1;
 }
@@ -234,20 +226,18 @@ static int get_integers(Model *model, const Selection *which, int *value, char t
     const double *whole = model->mode == CONTINUOUS_TIME ? e->settled : present;
     whole_numbers(e, present);
     for (size_t k = 0; k < which->count; k++) {
-        const size_t variable = selected(which, k);
-        if (e->tare.present && variable == tare_variable(e) + 1) {
-            value[k] = (int)whole[TARE_WHOLE];
-            continue;
+        const Variable variable = variable_of(e, selected(which, k));
+        const Type type = variable_type(e, variable);
+        if (type != INTEGER && type != ENUMERATION) {
+            return wrong_type(selected(which, k), text);
         }
-        if (is_source(e, variable)) {
+        if (variable.kind == INPUT) {
             const double stated = last_input(&e->inputs, Q_SOURCE); /* NaN for AUTO */
             value[k] = stated <= MACH_AND_ALTITUDE ? (int)stated : AUTO;
-            continue;
+        } else {
+            const size_t place = variable.place == HEALTH_STATE ? 0 : variable.place - VALID_GAUGES + 1;
+            value[k] = (int)whole[variable.kind == TARE_STATE ? TARE_WHOLE : place];
         }
-        if (variable != HEALTH_STATE && !(variable >= VALID_GAUGES && variable <= SUSPECTS)) {
-            return wrong_type(variable, text);
-        }
-        value[k] = (int)whole[variable == HEALTH_STATE ? 0 : variable - VALID_GAUGES + 1];
     }
     return 1;
 }
@@ -255,18 +245,23 @@ static int get_integers(Model *model, const Selection *which, int *value, char t
 static int get_booleans(Model *model, const Selection *which, int *value, char text[MODEL_TEXT_SIZE]) {
     Estimator *e = estimator_of(model);
     for (size_t k = 0; k < which->count; k++) {
-        const size_t variable = selected(which, k), gauge = variable - (N_OUTPUTS + e->map.n_gauges);
-        if (gauge < e->map.n_gauges) {
-            value[k] = e->inputs.valid[gauge];
-        } else if (e->tare.present && variable == tare_variable(e)) {
+        const Variable variable = variable_of(e, selected(which, k));
+        switch (variable.kind) {
+        case VALID:
+            value[k] = e->inputs.valid[variable.place];
+            break;
+        case TARE_INPUT:
             value[k] = e->tare.up;
-        } else if (variable == usable_variable(e)) {
+            break;
+        case USABLE:
             value[k] = is_usable(model->mode == CONTINUOUS_TIME ? e->settled[0] : estimator_outputs(e)[HEALTH_STATE]);
-        } else if (flight_flag(e, variable) != SIZE_MAX) {
+            break;
+        case FLIGHT_FLAG:
             estimator_outputs(e);
-            value[k] = e->flight.flag[flight_flag(e, variable)];
-        } else {
-            return wrong_type(variable, text);
+            value[k] = e->flight.flag[variable.place];
+            break;
+        default:
+            return wrong_type(selected(which, k), text);
         }
     }
     return 1;
@@ -280,34 +275,19 @@ static int no_input(const char *type, size_t variable, char *text) {
 static int set_reals(Model *model, const Selection *which, const double *value, char text[MODEL_TEXT_SIZE]) {
     Estimator *e = estimator_of(model);
     const size_t n = e->map.n_gauges, count = which->count, gauge = which->first - N_OUTPUTS;
-    const size_t first = which->listed == NULL ? input_of(e, which->first) : SIZE_MAX;
-    const size_t filter = filter_setting(&e->inputs);
-    const size_t end = filter != SIZE_MAX ? filter : first_parameter(&e->inputs); /* of what takes any value */
     estimator_before_change(e);
     if (which->listed == NULL && gauge < n && count <= n - gauge) {
         memcpy(e->inputs.value + gauge, value, count * sizeof *value);
         readings_note_given(&e->inputs, gauge, gauge + count);
         return 1;
     }
-    if (e->thermal.present && first >= first_temperature(&e->inputs) && first < end && count <= end - first) {
-        memcpy(e->inputs.value + first, value, count * sizeof *value);
-        return 1;
-    }
     for (size_t k = 0; k < count; k++) {
-        const size_t variable = selected(which, k), input = input_of(e, variable);
-        if (input == SIZE_MAX || is_source(e, variable)) {
-            return no_input("real", variable, text);
+        const Variable variable = variable_of(e, selected(which, k));
+        if (variable.kind != INPUT || variable_type(e, variable) != REAL) {
+            return no_input("real", selected(which, k), text);
         }
-        if (input >= n && !inputs_accept(&e->inputs, input, value[k], text)) {
+        if (!estimator_set_input(e, variable.place, value[k], text)) {
             return 0;
-        }
-        if (input >= n + N_ALL_SCALARS && input < first_temperature(&e->inputs) && e->inputs.value[input] != value[k]) {
-            tare_drop(&e->tare);
-            e->noise_outdated = 1;
-        }
-        e->inputs.value[input] = value[k];
-        if (input < n) {
-            readings_note_given(&e->inputs, input, input + 1);
         }
     }
     return 1;
@@ -316,16 +296,16 @@ static int set_reals(Model *model, const Selection *which, const double *value, 
 static int set_integers(Model *model, const Selection *which, const int *value, char text[MODEL_TEXT_SIZE]) {
     Estimator *e = estimator_of(model);
     for (size_t k = 0; k < which->count; k++) {
-        const size_t variable = selected(which, k);
-        if (!is_source(e, variable)) {
-            return no_input("integer", variable, text);
+        const Variable variable = variable_of(e, selected(which, k));
+        if (variable.kind != INPUT || variable_type(e, variable) != ENUMERATION) {
+            return no_input("integer", selected(which, k), text);
         }
         if (value[k] < AUTO || value[k] > MACH_AND_ALTITUDE) {
             snprintf(text, MODEL_TEXT_SIZE, "q_source: %d found, must be from %d to %d", value[k], AUTO, MACH_AND_ALTITUDE);
             return 0;
         }
         estimator_before_change(e);
-        e->inputs.value[input_of(e, variable)] = (double)value[k];
+        e->inputs.value[variable.place] = (double)value[k];
     }
     return 1;
 }
@@ -333,16 +313,15 @@ static int set_integers(Model *model, const Selection *which, const int *value, 
 static int set_booleans(Model *model, const Selection *which, const int *value, char text[MODEL_TEXT_SIZE]) {
     Estimator *e = estimator_of(model);
     for (size_t k = 0; k < which->count; k++) {
-        const size_t variable = selected(which, k), gauge = variable - (N_OUTPUTS + e->map.n_gauges);
-        if (e->tare.present && variable == tare_variable(e)) {
+        const Variable variable = variable_of(e, selected(which, k));
+        if (variable.kind == TARE_INPUT) {
             e->tare.up = value[k] != 0;
-            continue;
+        } else if (variable.kind == VALID) {
+            estimator_before_change(e);
+            e->inputs.valid[variable.place] = value[k] != 0;
+        } else {
+            return no_input("Boolean", selected(which, k), text);
         }
-        if (gauge >= e->map.n_gauges) {
-            return no_input("Boolean", variable, text);
-        }
-        estimator_before_change(e);
-        e->inputs.valid[gauge] = value[k] != 0;
     }
     return 1;
 }
@@ -350,33 +329,31 @@ static int set_booleans(Model *model, const Selection *which, const int *value, 
 /* Derivatives: of loads, coefficients and air data; the sigmas of zeros, the time constant of the filter and the source
    of the dynamic pressure have none. */
 
-static size_t input_index(const Model *model, size_t variable) {
+static size_t input_index(const Model *model, size_t number) {
     const Estimator *e = estimator_of(model);
-    const size_t input = input_of(e, variable), first_std = e->map.n_gauges + N_ALL_SCALARS + e->sensors.n_strains;
-    const int none = (input >= first_std && input < first_temperature(&e->inputs)) || input == filter_setting(&e->inputs)
-                  || is_source(e, variable);
-    return none ? SIZE_MAX : input;
+    const Variable variable = variable_of(e, number);
+    const size_t first_std = e->inputs.first[ZERO_RUN] + e->sensors.n_strains;
+    const int none = (variable.place >= first_std && variable.place < e->inputs.first[TEMPERATURE_RUN])
+                  || variable.place == single_input(&e->inputs, TIME_CONSTANT_RUN);
+    return variable.kind != INPUT || variable_type(e, variable) != REAL || none ? SIZE_MAX : variable.place;
 }
 
-/* Place of a variable among the other loads; SIZE_MAX for any other. */
-static size_t other_place(const Estimator *e, size_t variable) {
-    const double *other_loads = other_real(e, variable);
-    return other_loads == NULL ? SIZE_MAX : (size_t)(other_loads - e->other_loads.value[0]);
-}
-
-static size_t output_index(const Model *model, size_t variable) {
+static size_t output_index(const Model *model, size_t number) {
     const Estimator *e = estimator_of(model);
-    const size_t air_data = flight_real(e, variable), place = other_place(e, variable);
-    const size_t kind = place == SIZE_MAX ? N_OTHER_VALUES : place / e->other_loads.map.n_loads;
-    return variable < COEFFICIENTS_STD || (variable >= LOADS && variable < LOADS_STD) ? variable
-         : kind == OTHER_LOADS || kind == OTHER_COEFFICIENTS                     ? N_OUTPUTS + N_FLIGHT_REALS + place
-         : air_data < N_AIR_DATA                                                     ? N_OUTPUTS + air_data
-                                                                                     : SIZE_MAX;
+    const Variable variable = variable_of(e, number);
+    const size_t place = variable.place, values = variable.kind == OTHER_LOAD ? place / e->other_loads.map.n_loads : 0;
+    switch (variable.kind) {
+    case OUTPUT: return place < COEFFICIENTS_STD || (place >= LOADS && place < LOADS_STD) ? place : SIZE_MAX;
+    case AIR_DATA: return place < N_AIR_DATA ? N_OUTPUTS + place : SIZE_MAX;
+    case OTHER_LOAD:
+        return values == OTHER_LOADS || values == OTHER_COEFFICIENTS ? N_OUTPUTS + N_FLIGHT_REALS + place : SIZE_MAX;
+    default: return SIZE_MAX;
+    }
 }
 
 static double *clear_direction(Model *model) {
     Estimator *e = estimator_of(model);
-    return memset(e->direction, 0, inputs_count(&e->inputs) * sizeof *e->direction);
+    return memset(e->direction, 0, e->inputs.first[N_INPUT_RUNS] * sizeof *e->direction);
 }
 
 static const double *along_direction(Model *model, char text[MODEL_TEXT_SIZE]) {

@@ -20,7 +20,7 @@
 enum { VALID_BIT = 1, GIVEN_BIT = 2 };
 
 static size_t input_size(const Estimator *e) {
-    return sizeof(double) * (inputs_count(&e->inputs) + N_WHOLE) + e->map.n_gauges;
+    return sizeof(double) * (e->inputs.first[N_INPUT_RUNS] + N_WHOLE) + e->map.n_gauges;
 }
 
 static size_t tared_size(const Estimator *e) {
@@ -45,8 +45,8 @@ void model_write_state(const Model *model, unsigned char *bytes) {
     filter_write_state(&e->filter, bytes + linear_size(e));
     tare_write_state(&e->tare, bytes + input_size(e));
     renewal_write_state(&e->renewal, bytes + tared_size(e));
-    memcpy(bytes, e->inputs.value, sizeof(double) * inputs_count(&e->inputs));
-    bytes += sizeof(double) * inputs_count(&e->inputs);
+    memcpy(bytes, e->inputs.value, sizeof(double) * e->inputs.first[N_INPUT_RUNS]);
+    bytes += sizeof(double) * e->inputs.first[N_INPUT_RUNS];
     memcpy(bytes, e->settled, sizeof e->settled);
     bytes += sizeof e->settled;
     for (size_t i = 0; i < e->map.n_gauges; i++) {
@@ -56,7 +56,7 @@ void model_write_state(const Model *model, unsigned char *bytes) {
 
 int estimator_check_state(const Model *model, const unsigned char *bytes, char text[MODEL_TEXT_SIZE]) {
     const Estimator *e = estimator_of(model);
-    for (size_t i = 0; i < inputs_count(&e->inputs); i++) {
+    for (size_t i = 0; i < e->inputs.first[N_INPUT_RUNS]; i++) {
         double value;
         memcpy(&value, bytes + sizeof value * i, sizeof value);
         if (!inputs_accept(&e->inputs, i, value, text)) {
@@ -66,7 +66,7 @@ int estimator_check_state(const Model *model, const unsigned char *bytes, char t
     }
     for (size_t i = 0; i < N_WHOLE; i++) {
         double whole;
-        memcpy(&whole, bytes + sizeof whole * (inputs_count(&e->inputs) + i), sizeof whole);
+        memcpy(&whole, bytes + sizeof whole * (e->inputs.first[N_INPUT_RUNS] + i), sizeof whole);
         const size_t most = i == 0 ? OUTSIDE : i == TARE_WHOLE ? TARE_REFUSED : e->map.n_gauges;
         if (!(whole >= 0.0 && whole <= (double)most)) {
             snprintf(text, MODEL_TEXT_SIZE, "holds a health or a number of gauges that there is not");
@@ -74,7 +74,7 @@ int estimator_check_state(const Model *model, const unsigned char *bytes, char t
         }
     }
     for (size_t i = 0; i < e->map.n_gauges; i++) {
-        if (bytes[sizeof(double) * (inputs_count(&e->inputs) + N_WHOLE) + i] > VALID_BIT + GIVEN_BIT) {
+        if (bytes[sizeof(double) * (e->inputs.first[N_INPUT_RUNS] + N_WHOLE) + i] > VALID_BIT + GIVEN_BIT) {
             snprintf(text, MODEL_TEXT_SIZE, "holds a gauge that is neither valid nor not");
             return 0;
         }
@@ -112,8 +112,8 @@ void model_read_state(Model *model, const unsigned char *bytes) {
     const Floating host = floating_enter();
     renewal_read_state(&e->renewal, bytes + tared_size(e));
     floating_leave(&host);
-    memcpy(e->inputs.value, bytes, sizeof(double) * inputs_count(&e->inputs));
-    bytes += sizeof(double) * inputs_count(&e->inputs);
+    memcpy(e->inputs.value, bytes, sizeof(double) * e->inputs.first[N_INPUT_RUNS]);
+    bytes += sizeof(double) * e->inputs.first[N_INPUT_RUNS];
     memcpy(e->settled, bytes, sizeof e->settled);
     bytes += sizeof e->settled;
     e->inputs.n_given = 0;

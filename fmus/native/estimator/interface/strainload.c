@@ -72,17 +72,17 @@ static void describe_inputs(StrainLoad *handle) {
     static const char *const TEMPERATURE[] = {"temperature"}, *const THRUST[] = {"thrust"};
     static const char *const PARAMETERS[] = {"parameter", "parameter_std"};
     const Estimator *e = handle->estimator;
-    const size_t n = e->map.n_gauges, n_strains = e->sensors.n_strains, thrust = thrust_input(&e->inputs);
+    const size_t n = e->map.n_gauges, n_strains = e->sensors.n_strains, *first = e->inputs.first;
     Record *record = &handle->record[SL_INPUTS];
     Run *run = add_run(record, handle->sample, 0, n_strains, 1, READINGS);
     run = add_run(record, run, n_strains, n - n_strains, 1, READINGS + 1);
     run = add_run(record, run, n, 1, N_FLOW_INPUTS, SCALAR_NAMES);
     run = add_run(record, run, n + N_SCALAR_INPUTS, 1, N_NAVIGATION_INPUTS, MORE);
-    run = add_run(record, run, first_later(&e->inputs), 1, N_LATER_INPUTS + N_LAST_INPUTS, LATER);
-    run = add_run(record, run, first_temperature(&e->inputs), e->inputs.n_temperatures, 1, TEMPERATURE);
-    run = add_run(record, run, thrust == SIZE_MAX ? 0 : thrust, thrust == SIZE_MAX ? 0 : 1, 1, THRUST);
-    run = add_run(record, run, first_parameter(&e->inputs), e->parameters.count, e->map.has_known ? 2 : 1, PARAMETERS);
-    run = add_run(record, run, first_inertial(&e->inputs), e->inputs.n_inertial > 0 ? 1 : 0, N_INERTIAL_INPUTS, INERTIAL);
+    run = add_run(record, run, first[LATER_RUN], 1, N_LATER_INPUTS + N_LAST_INPUTS, LATER);
+    run = add_run(record, run, first[TEMPERATURE_RUN], e->inputs.n_temperatures, 1, TEMPERATURE);
+    run = add_run(record, run, first[THRUST_RUN], first[THRUST_RUN + 1] - first[THRUST_RUN], 1, THRUST);
+    run = add_run(record, run, first[PARAMETER_RUN], e->parameters.count, e->map.has_known ? 2 : 1, PARAMETERS);
+    run = add_run(record, run, first[INERTIAL_RUN], e->inputs.n_inertial > 0 ? 1 : 0, N_INERTIAL_INPUTS, INERTIAL);
     *run = (Run){0, 0, 0};
 }
 
@@ -90,12 +90,12 @@ static void describe_settings(StrainLoad *handle) {
     static const char *const ZEROS[] = {"zero", "zero_std"}, *const COMMON[] = {"zero_common_std"};
     static const char *const FILTER[] = {"filter_time_constant"};
     const Estimator *e = handle->estimator;
-    const size_t n = e->map.n_gauges, n_strains = e->sensors.n_strains, filter = filter_setting(&e->inputs);
+    const size_t n = e->map.n_gauges, n_strains = e->sensors.n_strains, *first = e->inputs.first;
     Record *record = &handle->record[SL_SETTINGS];
     Run *run = add_run(record, handle->setting, n + SENSOR_RANGE, 1, N_SCALAR_INPUTS - SENSOR_RANGE, SCALAR_NAMES + SENSOR_RANGE);
-    run = add_run(record, run, n + N_ALL_SCALARS, n_strains, 2, ZEROS);
-    run = add_run(record, run, n + N_ALL_SCALARS + 2 * n_strains, 1, 1, COMMON);
-    run = add_run(record, run, filter == SIZE_MAX ? 0 : filter, filter == SIZE_MAX ? 0 : 1, 1, FILTER);
+    run = add_run(record, run, first[ZERO_RUN], n_strains, 2, ZEROS);
+    run = add_run(record, run, first[ZERO_RUN] + 2 * n_strains, 1, 1, COMMON);
+    run = add_run(record, run, first[TIME_CONSTANT_RUN], first[TIME_CONSTANT_RUN + 1] - first[TIME_CONSTANT_RUN], 1, FILTER);
     *run = (Run){0, 0, 0};
 }
 
@@ -272,7 +272,6 @@ static size_t setting_input(const StrainLoad *handle, size_t place) {
 
 static int set(StrainLoad *handle, size_t first, size_t count, const double *value, char text[SL_TEXT_SIZE]) {
     Estimator *e = handle->estimator;
-    const size_t zeros = e->map.n_gauges + N_ALL_SCALARS;
     estimator_before_change(e); /* it may compute the outputs that a step left */
     for (size_t k = 0; k < count; k++) {
         const size_t input = setting_input(handle, first + k);
@@ -280,15 +279,9 @@ static int set(StrainLoad *handle, size_t first, size_t count, const double *val
             snprintf(text, SL_TEXT_SIZE, "there is no setting %lu", (unsigned long)(first + k));
             return 0;
         }
-        if (!inputs_accept(&e->inputs, input, value[k], text)) {
+        if (!estimator_set_input(e, input, value[k], text)) {
             return 0;
         }
-        if (input >= zeros && input < first_temperature(&e->inputs) && e->inputs.value[input] != value[k]) {
-            tare_drop(&e->tare);
-            e->noise_outdated = 1;
-        }
-        e->inputs.value[input] = value[k];
-        e->outdated = 1;
     }
     return 1;
 }
@@ -354,16 +347,12 @@ static void write_result(StrainLoad *handle, double *output, double *fit) {
         output += N_FLIGHT_REALS + N_FLIGHT_FLAGS;
     }
     if (e->other_loads.present) {
-        if (e->other_loads.outdated) {
-            flight_other_loads_update(&e->flight);
-        }
-        for (int part = 0; part < N_OTHER_VALUES; part++, output += e->other_loads.map.n_loads) {
-            memcpy(output, e->other_loads.value[part], e->other_loads.map.n_loads * sizeof *output);
-        }
+        const size_t count = N_OTHER_VALUES * e->other_loads.map.n_loads;
+        memcpy(output, other_loads_of(e), count * sizeof *output);
+        output += count;
     }
     for (size_t k = 0; k < e->parameters.count; k++) {
-        const double given = e->inputs.value[first_parameter(&e->inputs) + k];
-        output[k] = given == e->map.not_known ? 0.0 : parameter_score(&e->parameters, k, given);
+        output[k] = known_parameter_score(&e->inputs, k);
     }
     output += e->parameters.count;
     *output++ = (double)is_usable(e->output[HEALTH_STATE]);

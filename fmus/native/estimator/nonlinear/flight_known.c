@@ -205,7 +205,7 @@ void known_arrays(FlightMap *flight, FlightSolver *solver, FlightOtherLoads *oth
 
 /* Whether a parameter is known with a standard deviation, so that the tables follow it. */
 static int parameter_known(const Known *known, const Inputs *in, size_t which) {
-    const double value = in->value[first_parameter(in) + which], std = in->value[first_parameter_std(in) + which];
+    const double value = in->value[in->first[PARAMETER_RUN] + which], std = in->value[in->first[PARAMETER_STD_RUN] + which];
     return value != in->map->not_known && isfinite(value) && std > 0.0 && isfinite(std)
         && parameter_score(in->parameters, which, value) <= known->map.largest_score;
 }
@@ -220,7 +220,7 @@ static int any_parameter_known(const Known *known, const Inputs *in) {
 
 /* Note what the inputs know, NaN for nothing; whether it differs from what the tables are for. */
 static int note_values(Known *known, const Inputs *in) {
-    const double *value = in->value + first_parameter(in), *std = in->value + first_parameter_std(in);
+    const double *value = in->value + in->first[PARAMETER_RUN], *std = in->value + in->first[PARAMETER_STD_RUN];
     int other = 0;
     for (size_t p = 0; p < known->map.n_parameters; p++) {
         const int is_known = parameter_known(known, in, p) && known->map.spread[p] > 0.0;

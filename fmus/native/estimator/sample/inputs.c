@@ -4,7 +4,7 @@
        readings (n) | flow, settings, air data | zero offsets | temperatures | thrust | time constant | parameters | their
        standard deviations | later air data | last air data and angles | inertial unit
 
-   Runs that a map does not have are empty, so that places depend on the map. New inputs stand at the end: numbers of
+   Runs that a map does not have are empty, so that `first`, the place of each, depends on the map. New inputs stand at the end: numbers of
    variables of exported FMUs stay. Strain, pressures and temperatures accept any value, since health reports what
    makes no sense; settings and zero offsets have bounds, since nothing else would notice a wrong one.
    docs/developers/native.md, "Variables" and "Gauges, zero offsets, temperatures". */
@@ -48,52 +48,33 @@ double parameter_score(const FlowParameters *parameters, size_t which, double va
     return score < parameters->largest_score ? score : parameters->largest_score;
 }
 
-size_t first_temperature(const Inputs *in) {
-    return in->map->n_gauges + N_ALL_SCALARS + number_of_zeros(in->sensors->n_strains);
+void inputs_lay_out(Inputs *in) {
+    const size_t size[N_INPUT_RUNS] = {
+        [READING_RUN] = in->map->n_gauges,
+        [SCALAR_RUN] = N_ALL_SCALARS,
+        [ZERO_RUN] = number_of_zeros(in->sensors->n_strains),
+        [TEMPERATURE_RUN] = in->n_temperatures,
+        [THRUST_RUN] = in->sensors->has_thrust ? 1 : 0,
+        [TIME_CONSTANT_RUN] = in->map->has_filter ? 1 : 0,
+        [PARAMETER_RUN] = in->parameters->count,
+        [PARAMETER_STD_RUN] = in->map->has_known ? in->parameters->count : 0,
+        [LATER_RUN] = N_LATER_INPUTS,
+        [LAST_RUN] = N_LAST_INPUTS,
+        [INERTIAL_RUN] = in->n_inertial,
+    };
+    for (size_t run = 0; run < N_INPUT_RUNS; run++) {
+        in->first[run + 1] = in->first[run] + size[run];
+    }
 }
 
-/* The first input behind the temperatures. */
-static size_t behind_temperatures(const Inputs *in) {
-    return first_temperature(in) + (in->n_temperatures);
-}
-
-size_t thrust_input(const Inputs *in) {
-    return in->sensors->has_thrust ? behind_temperatures(in) : SIZE_MAX;
-}
-
-size_t first_parameter(const Inputs *in) {
-    return behind_temperatures(in) + (in->sensors->has_thrust ? 1 : 0) + (in->map->has_filter ? 1 : 0);
-}
-
-size_t first_parameter_std(const Inputs *in) {
-    return first_parameter(in) + in->parameters->count;
-}
-
-size_t filter_setting(const Inputs *in) {
-    return in->map->has_filter ? first_parameter(in) - 1 : SIZE_MAX;
-}
-
-size_t first_later(const Inputs *in) {
-    return first_parameter_std(in) + (in->map->has_known ? in->parameters->count : 0);
-}
-
-size_t first_last(const Inputs *in) {
-    return first_later(in) + N_LATER_INPUTS;
-}
-
-size_t first_inertial(const Inputs *in) {
-    return first_last(in) + N_LAST_INPUTS;
-}
-
-size_t inputs_count(const Inputs *in) {
-    return first_inertial(in) + in->n_inertial;
+double known_parameter_score(const Inputs *in, size_t which) {
+    const double value = in->value[in->first[PARAMETER_RUN] + which];
+    return value == in->map->not_known ? 0.0 : parameter_score(in->parameters, which, value);
 }
 
 size_t parameter_beyond(const Inputs *in) {
-    const FlowParameters *parameters = in->parameters;
-    const double *value = in->value + first_parameter(in);
-    for (size_t i = 0; i < parameters->count; i++) {
-        if (value[i] != in->map->not_known && parameter_score(parameters, i, value[i]) > parameters->tolerance) {
+    for (size_t i = 0; i < in->parameters->count; i++) {
+        if (known_parameter_score(in, i) > in->parameters->tolerance) {
             return i;
         }
     }
@@ -112,11 +93,10 @@ int inputs_parse(MapFile *file, Inputs *in) {
 void inputs_reset(Inputs *in) {
     const size_t n = in->map->n_gauges;
     double *scalar = in->value + n;
-    memset(in->value, 0, n * sizeof *in->value);
+    memset(in->value, 0, in->first[N_INPUT_RUNS] * sizeof *in->value);
     memset(in->valid, 1, n);
     memset(in->given, 0, n);
     in->n_given = 0;
-    memset(scalar, 0, (inputs_count(in) - n) * sizeof *scalar);
     scalar[DYNAMIC_PRESSURE] = in->map->has_tables ? 0.0 : in->map->dynamic_pressure;
     scalar[SENSOR_RANGE] = in->map->sensor_range;
     scalar[ALARM_SCALE] = 1.0;
@@ -125,12 +105,12 @@ void inputs_reset(Inputs *in) {
     scalar[MOMENT_STATION] = in->map->moment_station;
     memcpy(scalar + N_ALL_SCALARS, in->zero_offset, in->sensors->n_strains * sizeof *scalar);
     for (size_t k = 0; k < in->parameters->count; k++) {
-        in->value[first_parameter(in) + k] = in->map->not_known;
+        in->value[in->first[PARAMETER_RUN] + k] = in->map->not_known;
     }
     for (size_t k = 0; k < in->n_inertial; k++) {
-        in->value[first_inertial(in) + k] = in->map->not_known;
+        in->value[in->first[INERTIAL_RUN] + k] = in->map->not_known;
     }
-    in->value[first_last(in) + MEASURED_ATTACK] = in->value[first_last(in) + MEASURED_SIDESLIP] = in->map->not_known;
+    in->value[in->first[LAST_RUN] + MEASURED_ATTACK] = in->value[in->first[LAST_RUN] + MEASURED_SIDESLIP] = in->map->not_known;
 }
 
 /* Whether value may be given to one of the zeros or their standard deviations, by its index among them. */
@@ -159,19 +139,16 @@ static int accepts_time_constant(const Inputs *in, double value, char *text) {
 }
 
 int inputs_accept(const Inputs *in, size_t index, double value, char text[MODEL_TEXT_SIZE]) {
-    if (index == filter_setting(in)) {
+    const size_t setting = index - in->map->n_gauges;
+    if (index == single_input(in, TIME_CONSTANT_RUN)) {
         return accepts_time_constant(in, value, text);
     }
-    if (index >= first_temperature(in)) {
+    if (is_zero(in, index)) {
+        return accepts_zero(in, index - in->first[ZERO_RUN], value, text);
+    }
+    if (index < in->map->n_gauges + SENSOR_RANGE || setting >= N_SCALAR_INPUTS) {
         return 1;
     }
-    if (index >= in->map->n_gauges + N_ALL_SCALARS) {
-        return accepts_zero(in, index - (in->map->n_gauges + N_ALL_SCALARS), value, text);
-    }
-    if (index < in->map->n_gauges + SENSOR_RANGE || index >= in->map->n_gauges + N_SCALAR_INPUTS) {
-        return 1;
-    }
-    const size_t setting = index - in->map->n_gauges;
     const double largest = in->map->largest_setting, smallest = setting == MOMENT_STATION ? -largest : in->map->smallest_setting;
     if (value >= smallest && value <= largest) {
         return 1;

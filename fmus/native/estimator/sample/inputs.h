@@ -118,12 +118,16 @@ enum { LAST_INPUTS(AIR_INPUT_NUMBER) N_LAST_INPUTS };
 /* Behind these, of maps with masses. */
 enum { INERTIAL_INPUTS(AIR_INPUT_NUMBER) N_INERTIAL_INPUTS };
 
-/* After the scalars: zero of each strain gauge, sigma of each of them, sigma that they have in common [1]; then
-   the temperature of each sensor [K], not known where it is 0 or below, or NaN; thrust [N], which may be NaN or the
-   map's not_known, of a map with sensors that it moves; then the time constant of the filter [s], 0 for none, of a map
-   that has one. Then other parameters of the flow, as thrust, and, with tables of them, their sigmas, which are
-   not stated where they are 0 or below, or NaN; then LATER_INPUTS and LAST_INPUTS,
-   and of a map with masses INERTIAL_INPUTS, each not_known or NaN where it is not known. */
+/* Runs of the inputs in their order, empty where a map has none: readings; scalars; zero of each strain gauge, sigma of each
+   of them, sigma that they have in common [1]; the temperature of each sensor [K], not known where it is 0 or below, or NaN;
+   thrust [N], which may be NaN or the map's not_known, of a map with sensors that it moves; the time constant of the filter
+   [s], 0 for none; other parameters of the flow, as thrust, and, with tables of them, their sigmas, which are not stated
+   where they are 0 or below, or NaN; LATER_INPUTS, LAST_INPUTS, and of a map with masses INERTIAL_INPUTS. */
+enum {
+    READING_RUN, SCALAR_RUN, ZERO_RUN, TEMPERATURE_RUN, THRUST_RUN, TIME_CONSTANT_RUN, PARAMETER_RUN, PARAMETER_STD_RUN,
+    LATER_RUN, LAST_RUN, INERTIAL_RUN, N_INPUT_RUNS
+};
+
 static inline size_t number_of_zeros(size_t n_strains) {
     return 2 * n_strains + 1;
 }
@@ -138,7 +142,8 @@ typedef struct {
     size_t n_inertial;                 /* N_INERTIAL_INPUTS, 0 of a map without masses */
     int angles_need_std;               /* whether a measured angle counts only with a standard deviation: in FMUs */
     double smallest_time, largest_time; /* of the filter's time constant, of a map that has one [s] */
-    double *value;                     /* (inputs_count) readings, scalars, zeros, temperatures, .. */
+    size_t first[N_INPUT_RUNS + 1];    /* place of each run; the last one is the number of inputs */
+    double *value;                     /* (first[N_INPUT_RUNS]) */
     unsigned char *valid;              /* (n_gauges) 1 for the gauges that the caller trusts */
     unsigned char *given;              /* (n_gauges) 1 for those whose reading was set: start values are none */
     size_t n_given;
@@ -147,27 +152,22 @@ typedef struct {
                        reading over its scale */
 } Inputs;
 
-/* Number of inputs and settings. */
-size_t inputs_count(const Inputs *inputs);
+/* Set the places of all runs. */
+void inputs_lay_out(Inputs *inputs);
 
-/* Of the inputs, the first of the temperatures, thrust, SIZE_MAX for none, and the first of the parameters of the flow and
-   of their standard deviations, which a map has with tables of them. */
-size_t first_temperature(const Inputs *inputs);
-size_t thrust_input(const Inputs *inputs);
-size_t first_parameter(const Inputs *inputs);
-size_t first_parameter_std(const Inputs *inputs);
+/* The place of a run of one input; SIZE_MAX where a map has none. */
+static inline size_t single_input(const Inputs *inputs, int run) {
+    return inputs->first[run] < inputs->first[run + 1] ? inputs->first[run] : SIZE_MAX;
+}
 
-/* The first of LATER_INPUTS, of LAST_INPUTS behind them, and of INERTIAL_INPUTS behind these. */
-size_t first_later(const Inputs *inputs);
-size_t first_last(const Inputs *inputs);
-size_t first_inertial(const Inputs *inputs);
-
-/* Index of the time constant of the filter among the inputs; SIZE_MAX for none. */
-size_t filter_setting(const Inputs *inputs);
+/* Whether an input is one of the zeros or their standard deviations. */
+static inline int is_zero(const Inputs *inputs, size_t input) {
+    return input >= inputs->first[ZERO_RUN] && input < inputs->first[ZERO_RUN + 1];
+}
 
 /* Zeros, their standard deviations, and the common one, of the inputs. */
 static inline const double *zeros_given(const Inputs *inputs) {
-    return inputs->value + inputs->map->n_gauges + N_ALL_SCALARS;
+    return inputs->value + inputs->first[ZERO_RUN];
 }
 
 /* One of the inputs and settings after the readings. */
@@ -183,19 +183,19 @@ static inline double known_input(const Inputs *inputs, size_t scalar) {
 
 /* The same of one of LATER_INPUTS. */
 static inline double later_input(const Inputs *inputs, size_t later) {
-    const double value = inputs->value[first_later(inputs) + later];
+    const double value = inputs->value[inputs->first[LATER_RUN] + later];
     return value > 0.0 ? value : NAN;
 }
 
 /* The same of one of LAST_INPUTS that is no angle. */
 static inline double last_input(const Inputs *inputs, size_t last) {
-    const double value = inputs->value[first_last(inputs) + last];
+    const double value = inputs->value[inputs->first[LAST_RUN] + last];
     return value > 0.0 ? value : NAN;
 }
 
 /* An angle among LAST_INPUTS [rad], with or without its standard deviation; NaN where it is not known. */
 static inline double given_angle(const Inputs *inputs, size_t last) {
-    const double value = inputs->value[first_last(inputs) + last];
+    const double value = inputs->value[inputs->first[LAST_RUN] + last];
     return value != inputs->map->not_known && isfinite(value) ? value : NAN;
 }
 
@@ -208,6 +208,9 @@ static inline double measured_angle(const Inputs *inputs, size_t last) {
 static inline double moment_shift(const Inputs *inputs) {
     return scalar_input(inputs, MOMENT_STATION) - inputs->map->moment_station;
 }
+
+/* The score of parameter `which`, 0 where it is not known. */
+double known_parameter_score(const Inputs *inputs, size_t which);
 
 /* The parameter of the flow that leaves its range; SIZE_MAX for none. */
 size_t parameter_beyond(const Inputs *inputs);

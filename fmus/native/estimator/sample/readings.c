@@ -14,7 +14,7 @@
 
 /* What a other sensor, by its number behind the strain gauges, reads without thrust. */
 static double sensor_reading(const Inputs *in, size_t which) {
-    const size_t place = thrust_input(in);
+    const size_t place = single_input(in, THRUST_RUN);
     const double thrust = place == SIZE_MAX ? 0.0 : in->value[place];
     const double reading = in->value[in->sensors->n_strains + which];
     return without_thrust(in->sensors, which, reading, thrust == in->map->not_known ? NAN : thrust);
@@ -99,7 +99,7 @@ void readings_set_strain(Inputs *in) {
    (temperature/thermal.c). strainfmu/estimator/map/sensors.py derives the modes. */
 
 static double known_inertial(const Inputs *inputs, size_t which) {
-    const double value = inputs->value[first_inertial(inputs) + which];
+    const double value = inputs->value[inputs->first[INERTIAL_RUN] + which];
     return value != inputs->map->not_known && isfinite(value) ? value : NAN;
 }
 
