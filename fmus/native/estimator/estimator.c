@@ -50,7 +50,9 @@ static void connect(Estimator *e) {
     e->flight.loads = &e->other_loads;
 }
 
-static void lay_out(Estimator *e, Room *room) {
+/* All arrays of the parts that have no block of their own. */
+static void lay_out(void *part, Room *room) {
+    Estimator *e = part;
     const size_t n = e->map.n_gauges, n_inputs = e->inputs.first[N_INPUT_RUNS];
     linear_arrays(&e->map, e->sensors.n_strains, &e->linear, room);
     renewal_arrays(e->sensors.n_strains, &e->renewal, room);
@@ -61,18 +63,6 @@ static void lay_out(Estimator *e, Room *room) {
     e->derivative_work = taken(room, n_inputs + 2 * estimator_derivatives(e));
     e->inputs.valid = piece(room, n, 1);
     e->inputs.given = piece(room, n, 1);
-}
-
-/* One block for all arrays. */
-static int allocate(Estimator *e, MapFile *file) {
-    Room room = {NULL, 0};
-    lay_out(e, &room);
-    room.next = map_take(file, room.size);
-    if (room.next == NULL) {
-        return 0;
-    }
-    lay_out(e, &room);
-    return 1;
 }
 
 /* Whether the parts of a map go together: section loads scale with q_inf, tables of loads are about the map's section
@@ -109,7 +99,7 @@ static int create(Estimator *e, MapFile *file) {
     e->inputs.n_temperatures = e->thermal.present ? e->thermal.map.n_sensors - n_channels : 0;
     e->inputs.n_inertial = n_channels > 0 ? N_INERTIAL_INPUTS : 0;
     inputs_lay_out(&e->inputs);
-    if (!allocate(e, file)) {
+    if (!map_hand_out(file, lay_out, e)) {
         return 0;
     }
     if (!linear_begin(&e->linear)) {

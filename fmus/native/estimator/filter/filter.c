@@ -32,9 +32,10 @@ static const size_t OF_SETTINGS[] = {REFERENCE_AREA, REFERENCE_LENGTH, MOMENT_ST
 #define N_SPAN (sizeof(Span) / sizeof(double))
 
 /* What is serialised is in one piece: held, last values, variances and rates, then the spans. */
-static void lay_out(Filter *filter, size_t scratch, Room *room) {
+static void lay_out(void *part, Room *room) {
+    Filter *filter = part;
     const size_t channels = filter->channels;
-    filter->row = taken(room, scratch);
+    filter->row = taken(room, filter->n_row);
     filter->kept = filter->held = taken(room, filter->n_held);
     filter->last_value = taken(room, channels);
     filter->last_variance = taken(room, channels);
@@ -51,7 +52,6 @@ static void lay_out(Filter *filter, size_t scratch, Room *room) {
 }
 
 int filter_create(MapFile *file, const Inputs *inputs, size_t channels, size_t scratch, Filter *filter) {
-    Room room = {NULL, 0};
     if (!map_has(file, "filter")) {
         return file->good;
     }
@@ -64,14 +64,9 @@ int filter_create(MapFile *file, const Inputs *inputs, size_t channels, size_t s
     filter->n_zeros = number_of_zeros(inputs->sensors->n_strains);
     filter->n_held = filter->n_zeros + N_SETTINGS;
     filter->n_kept = filter->n_held + 3 * channels + 3 * MOST_SPANS * channels;
-    lay_out(filter, scratch, &room);
-    room.next = map_take(file, room.size);
-    if (room.next == NULL) {
-        return 0;
-    }
-    lay_out(filter, scratch, &room);
-    filter->present = 1;
-    return 1;
+    filter->n_row = scratch;
+    filter->present = map_hand_out(file, lay_out, filter);
+    return filter->present;
 }
 
 void filter_reset(Filter *filter) {

@@ -33,7 +33,7 @@ typedef struct {
 typedef struct {
     int present; /* whether the map has one; if not, nothing else is set */
     FilterMap map;
-    size_t channels, n_zeros, n_held;
+    size_t channels, n_zeros, n_held, n_row;
     FilterTrack track;
     Windows windows;
     int may_move;      /* whether zeros and settings may be others than the samples' before: of derivatives */
@@ -46,7 +46,7 @@ typedef struct {
     double *mean, *left, *factor;     /* (channels) filtered; the variance, and the sigma over the sample's alone */
     double *rate;
     double *latest; /* (n_held) */
-    double *row;    /* scratch of whoever sets noise */
+    double *row;    /* (n_row) scratch of the noise */
     double part_left;                 /* of the variance of noise [1]; 1 where nothing is averaged */
     int is_sample, is_filtered, coasts; /* whether there is one; whether the outputs are filtered, or go on without strain */
 } Filter;

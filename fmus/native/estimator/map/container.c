@@ -365,12 +365,9 @@ int map_require(MapFile *file, int condition, const char *name, const char *expe
     return condition ? file->good : refuse(file, "'%s': expected %s", name, expected);
 }
 
-void *map_take(MapFile *file, size_t size) {
-    void *block = file->good ? memory_take(file->memory, size) : NULL;
-    if (block == NULL) {
-        refuse(file, "needs more memory than there is");
-    }
-    return block;
+int map_hand_out(MapFile *file, ListPieces *list, void *part) {
+    const int good = file->good && memory_hand_out(file->memory, list, part);
+    return good || refuse(file, "needs more memory than there is");
 }
 
 int map_close(MapFile *file) {

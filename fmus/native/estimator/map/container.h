@@ -37,8 +37,8 @@ typedef struct {
    that all numbers are finite. 1; 0 with a text. */
 int map_open(MapFile *file, const unsigned char *bytes, size_t length, char text[MODEL_TEXT_SIZE]);
 
-/* Memory for a part of the estimator; NULL, after a message, where there is no more. */
-void *map_take(MapFile *file, size_t size);
+/* Memory for a part of the estimator, as of memory_hand_out. 1; 0, after a message, where there is no more. */
+int map_hand_out(MapFile *file, ListPieces *list, void *part);
 
 /* Whether there are arrays PART.anything. */
 int map_has(const MapFile *file, const char *part);

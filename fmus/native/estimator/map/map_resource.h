@@ -24,19 +24,25 @@ typedef struct {
     size_t n_fixed;             /* and directions of whose loads none follow the ratio: all in form "absolute" */
     size_t n_columns;           /* columns of spread that are not 0, the first ones */
     int has_errors;             /* whether errors follow the current strain: the members of SCALED_ERRORS are set */
-    const double *whitening;    /* (n_gauges, n_gauges) V', a row for each gauge; this and the next ones by added_noise.h */
-    const double *singular;     /* (n_gauges) S */
-    const double *load;         /* (n_gauges, 5) loads of each direction; the gain of each in form "absolute", */
-    const double *noise_left;   /* (n_gauges, 5) and what noise and prior leave of the loads by that gain: */
-    const double *prior_left;   /* both of form "absolute" alone */
-    const double *unseen;       /* (5, 5) R */
-    const double *min_precision; /* (n_gauges) P_ii that is round-off */
     MAP_MEMBERS(SCALED)
     MAP_MEMBERS(SCALED_ERRORS)
 } ScaledForm;
 
-/* An inverse map for n_gauges gauges and n_states pressure states; arrays point into the file's bytes, those that follow
-   from others into memory that added_noise.h fills.
+/* What follows from the covariance of the gauges, which added_noise.h makes. */
+typedef struct {
+    double *residual_triangle;         /* of W */
+    double *noise_whitening;           /* L^-1 by rows of its lower triangle */
+    double *min_precision;             /* (n_gauges) P_ii that is round-off */
+    double *whitening;                 /* (n_gauges, n_gauges) V', a row for each gauge */
+    double *singular;                  /* (n_gauges) S */
+    double *load;                      /* (n_gauges, 5) loads of each direction; the gain of each in form "absolute", */
+    double *noise_left, *prior_left;   /* (n_gauges, 5) and what noise and prior leave of the loads by it: in that form alone */
+    double *unseen;                    /* (5, 5) R */
+    double *form_min_precision;        /* (n_gauges) as min_precision, by the errors that do not scale */
+    double *other_load, *other_unseen; /* (n_gauges, n_loads), (n_loads) the same of loads in addition to the five */
+} NoiseMatrices;
+
+/* An inverse map for n_gauges gauges and n_states pressure states; arrays point into the file's bytes.
    Triangles are packed as triangles.h describes; each stands for the matrix of which it is the R of a QR
    decomposition: all that is computed from the two is the same. */
 typedef struct {
@@ -45,9 +51,7 @@ typedef struct {
     MAP_MEMBERS(LINEAR)
     MAP_MEMBERS(SETTINGS)
     MAP_MEMBERS(ANGLES) /* 0 where not known */
-    const double *residual_triangle; /* of W; this and the next two by added_noise.h */
-    const double *noise_whitening;   /* L^-1 by rows of its lower triangle */
-    const double *min_precision;     /* (n_gauges) P_ii that is round-off */
+    const NoiseMatrices *made;
     Envelope envelope;
     ScaledForm form;
     int has_tables, has_filter, has_known; /* whether there are tables over the flight state, a filter, and tables over

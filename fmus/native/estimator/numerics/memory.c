@@ -41,6 +41,17 @@ void *memory_take(Memory *memory, size_t size) {
     return block;
 }
 
+int memory_hand_out(Memory *memory, ListPieces *list, void *part) {
+    Room room = {NULL, 0};
+    list(part, &room);
+    room.next = memory_take(memory, room.size);
+    if (room.next == NULL) {
+        return 0;
+    }
+    list(part, &room);
+    return 1;
+}
+
 void memory_free(const Memory *memory) {
     void *block = memory->last;
     while (block != NULL) {

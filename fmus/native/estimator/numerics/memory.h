@@ -45,4 +45,9 @@ static inline double *taken(Room *room, size_t count) {
     return piece(room, count, sizeof(double));
 }
 
+/* Give a part of an estimator a block for all its pieces, by the function that lists them; what lies in it is filled in where
+   room->next is not NULL. 1; 0 where there is no memory. */
+typedef void ListPieces(void *part, Room *room);
+int memory_hand_out(Memory *memory, ListPieces *list, void *part);
+
 #endif

@@ -239,7 +239,8 @@ static int parse(Flight *flight, MapFile *file) {
     return file->good;
 }
 
-static void lay_out(Flight *flight, Room *room) {
+static void lay_out(void *part, Room *room) {
+    Flight *flight = part;
     const size_t n = flight->inputs->map->n_gauges;
     flight_solver_arrays(&flight->map, n, flight->linear->wide, &flight->solver, room);
     flight_other_loads_arrays(&flight->other_loads, n, room);
@@ -248,26 +249,14 @@ static void lay_out(Flight *flight, Room *room) {
     }
 }
 
-/* One block for all arrays. */
-static int allocate(Flight *flight, MapFile *file) {
-    Room room = {NULL, 0};
-    lay_out(flight, &room);
-    room.next = map_take(file, room.size);
-    if (room.next == NULL) {
-        return 0;
-    }
-    lay_out(flight, &room);
-    flight_search_prepare(&flight->solver);
-    return 1;
-}
-
 int flight_create(Flight *flight, MapFile *file) {
     if (!map_has(file, "flight")) {
         return file->good;
     }
-    if (!parse(flight, file) || !allocate(flight, file)) {
+    if (!parse(flight, file) || !map_hand_out(file, lay_out, flight)) {
         return 0;
     }
+    flight_search_prepare(&flight->solver);
     for (size_t k = 0; k < N_STATES; k++) {
         flight->prior_std[k] = 1.0 / sqrt(flight->map.prior_precision[k]);
     }

@@ -52,7 +52,8 @@ static int parse(MapFile *file, ThermalMap *map) {
     return file->good;
 }
 
-static void lay_out(Thermal *thermal, Room *room) {
+static void lay_out(void *part, Room *room) {
+    Thermal *thermal = part;
     const size_t n = thermal->n_gauges, k = thermal->map.n_modes, m = thermal->map.n_sensors;
     const size_t rows = dense_rows(2 * n), columns = dense_columns(m);
     /* A, left, L and its inverse, strain by whitened amplitudes, then gains before they are laid out in panels. */
@@ -72,7 +73,6 @@ static void lay_out(Thermal *thermal, Room *room) {
 
 int thermal_create(MapFile *file, size_t n_gauges, int wide, Thermal *thermal) {
     ThermalMap *map = &thermal->map;
-    Room room = {NULL, 0};
     if (!map_has(file, "thermal")) {
         return file->good;
     }
@@ -80,12 +80,9 @@ int thermal_create(MapFile *file, size_t n_gauges, int wide, Thermal *thermal) {
         return 0;
     }
     thermal->n_gauges = n_gauges;
-    lay_out(thermal, &room);
-    room.next = map_take(file, room.size);
-    if (room.next == NULL) {
+    if (!map_hand_out(file, lay_out, thermal)) {
         return 0;
     }
-    lay_out(thermal, &room);
     thermal->present = 1;
     thermal->vibration = 1.0;
     thermal->wide = wide;

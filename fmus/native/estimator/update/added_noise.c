@@ -246,25 +246,6 @@ static void set_min_precision(AddedNoise *noise) {
     }
 }
 
-/* Let the map point to the new matrices; no step sees a part of them. */
-static void hand_out(const AddedNoise *noise, Map *map) {
-    const NoiseMatrices *made = noise->made;
-    map->residual_triangle = made->residual_triangle;
-    map->noise_whitening = made->noise_whitening;
-    map->min_precision = made->min_precision;
-    map->form.whitening = made->whitening;
-    map->form.singular = made->singular;
-    map->form.load = made->load;
-    map->form.noise_left = made->noise_left;
-    map->form.prior_left = made->prior_left;
-    map->form.unseen = made->unseen;
-    map->form.min_precision = made->form_min_precision;
-    if (noise->other_loads != NULL) {
-        noise->other_loads->load = made->other_load;
-        noise->other_loads->unseen = made->other_unseen;
-    }
-}
-
 void added_noise_begin(AddedNoise *noise) {
     noise->stage = ROOT;
     noise->refused = 0;
@@ -318,7 +299,7 @@ int added_noise_hand_out(AddedNoise *noise, Map *map) {
     if (noise->stage != MADE) {
         return 0;
     }
-    hand_out(noise, map);
+    map->made = noise->made; /* no step sees a part of them */
     /* The other set is free for the next matrices. */
     noise->made = noise->made == noise->set ? noise->set + 1 : noise->set;
     return !noise->refused;

@@ -133,16 +133,17 @@ void current_errors_prepare(Scaled *scaled) {
 /* Loads of direction a by load k: the five, then other ones. */
 static double load_of(const Scaled *scaled, size_t a, size_t k) {
     const size_t m = scaled->errors.n_other;
-    return k < N_LOADS ? scaled->map->form.load[N_LOADS * a + k] : scaled->other_loads->load[a * m + k - N_LOADS];
+    return k < N_LOADS ? scaled->map->made->load[N_LOADS * a + k] : scaled->map->made->other_load[a * m + k - N_LOADS];
 }
 
 /* u and P_ii = sum over a of u_a V_ai^2 of all gauges at a ratio; scaled_form.c has the same of the step. */
 static void set_precision(Scaled *scaled, double ratio) {
     const size_t n = scaled->map->n_gauges;
     const ScaledForm *form = &scaled->map->form;
+    const NoiseMatrices *made = scaled->map->made;
     CurrentErrors *errors = &scaled->errors;
     for (size_t a = 0; a < n; a++) {
-        const double size = ratio * form->singular[a];
+        const double size = ratio * made->singular[a];
         errors->unresolved[a] = a < form->n_free ? 0.0 : 1.0 / (1.0 + size * size);
     }
     dense_times(scaled->wide, n, n, scaled->square, errors->unresolved, errors->precision);
@@ -152,11 +153,12 @@ static void set_precision(Scaled *scaled, double ratio) {
 static void set_gains(Scaled *scaled, double ratio) {
     const size_t n = scaled->map->n_gauges, whole = dense_rows(n);
     const ScaledForm *form = &scaled->map->form;
+    const NoiseMatrices *made = scaled->map->made;
     CurrentErrors *errors = &scaled->errors;
     for (size_t k = 0; k < N_LOADS + errors->n_other; k++) {
         double *weighted = errors->weighted + k * whole;
         for (size_t a = 0; a < n; a++) {
-            const double weight = ratio * (ratio * form->singular[a]) * errors->unresolved[a];
+            const double weight = ratio * (ratio * made->singular[a]) * errors->unresolved[a];
             weighted[a] = (a < form->n_free ? 1.0 : weight) * load_of(scaled, a, k);
         }
     }
@@ -291,7 +293,7 @@ static void set_factors(Scaled *scaled, Interval *interval) {
    gauge is open where the bound does not show on which side of round-off its P_ii lies. */
 int current_errors_set_bound(const Scaled *scaled, const Interval *interval, size_t n_lost, double *restrict bound) {
     const size_t n = scaled->map->n_gauges, whole = dense_rows(n);
-    const double *restrict round_off = scaled->map->form.min_precision;
+    const double *restrict round_off = scaled->map->made->form_min_precision;
     int known = 1;
     for (size_t i = 0; i < n; i++) {
         const double size = scaled->size[i], largest = interval->margin[i] * size;

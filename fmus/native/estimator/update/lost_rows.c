@@ -53,7 +53,7 @@ static void decompose(const Scaled *scaled, const double *unresolved, const Lost
         of_mean[a] = rows->root[a] * scaled->step.of_mean[a];
     }
     for (size_t j = 0; j < n_lost; j++) {
-        const double *column = scaled->map->form.whitening + scaled->step.lost[j] * n;
+        const double *column = scaled->map->made->whitening + scaled->step.lost[j] * n;
         for (size_t a = 0; a < n; a++) {
             rows->matrix[j * n + a] = rows->root[a] * column[a];
         }
@@ -76,7 +76,7 @@ static void predict_lost(const Scaled *scaled, double *rotated, double *vector) 
     const size_t n = scaled->map->n_gauges, n_lost = scaled->step.n_lost;
     solve_triangle(n, n_lost, scaled->step.qr_of_gain.matrix, rotated);
     for (size_t j = 0; j < n_lost; j++) {
-        const double *column = scaled->map->form.whitening + scaled->step.lost[j] * n;
+        const double *column = scaled->map->made->whitening + scaled->step.lost[j] * n;
         for (size_t a = 0; a < n; a++) {
             vector[a] -= rotated[j] * column[a];
         }
@@ -102,14 +102,14 @@ static void set_y(Scaled *scaled) {
 /* Rows of B: R'^-1 times V_L' W F', a load at a time. */
 static void set_growth(Scaled *scaled) {
     const ScaledStep *step = &scaled->step;
-    const ScaledForm *form = &scaled->map->form;
+    const NoiseMatrices *made = scaled->map->made;
     const size_t n = scaled->map->n_gauges, n_lost = step->n_lost;
     memset(step->growth, 0, N_LOADS * n_lost * sizeof *step->growth);
     for (size_t j = 0; j < n_lost; j++) {
-        const double *column = form->whitening + step->lost[j] * n;
+        const double *column = made->whitening + step->lost[j] * n;
         for (size_t a = 0; a < n; a++) {
             for (size_t i = 0; i < N_LOADS; i++) {
-                step->growth[i * n_lost + j] += step->weight[a] * form->load[N_LOADS * a + i] * column[a];
+                step->growth[i * n_lost + j] += step->weight[a] * made->load[N_LOADS * a + i] * column[a];
             }
         }
     }
@@ -123,10 +123,10 @@ const double *lost_rows_other_growth(const Scaled *scaled, size_t j) {
     const size_t n = scaled->map->n_gauges, m = scaled->other_loads->map.n_loads;
     double *growth = scaled->other_loads->growth;
     for (size_t k = 0; k < step->n_lost; k++) {
-        const double *column = scaled->map->form.whitening + step->lost[k] * n;
+        const double *column = scaled->map->made->whitening + step->lost[k] * n;
         growth[k] = 0.0;
         for (size_t a = 0; a < n; a++) {
-            growth[k] += step->weight[a] * scaled->other_loads->load[a * m + j] * column[a];
+            growth[k] += step->weight[a] * scaled->map->made->other_load[a * m + j] * column[a];
         }
     }
     solve_transposed(n, step->n_lost, step->qr_of_gain.matrix, growth);
@@ -178,7 +178,7 @@ void add_products(const double *first, const double *second, double products[N_V
    b_a, the prior G_a - k_a S_a (added_noise.c). */
 void lost_rows_products(Scaled *scaled, double products[N_VALUES]) {
     const size_t n = scaled->map->n_gauges;
-    const ScaledForm *form = &scaled->map->form;
+    const NoiseMatrices *made = scaled->map->made;
     const ScaledStep *step = &scaled->step;
     double *shift[N_LOADS], left[2][N_LOADS];
     for (size_t i = 0; i < N_LOADS; i++) {
@@ -191,8 +191,8 @@ void lost_rows_products(Scaled *scaled, double products[N_VALUES]) {
     for (size_t a = 0; a < n; a++) {
         for (size_t i = 0; i < N_LOADS; i++) {
             const double taken_off = step->qr_of_gain.root[a] * shift[i][a];
-            left[0][i] = form->noise_left[N_LOADS * a + i] - taken_off;
-            left[1][i] = form->prior_left[N_LOADS * a + i] + taken_off * form->singular[a];
+            left[0][i] = made->noise_left[N_LOADS * a + i] - taken_off;
+            left[1][i] = made->prior_left[N_LOADS * a + i] + taken_off * made->singular[a];
         }
         add_products(left[0], left[1], products);
     }

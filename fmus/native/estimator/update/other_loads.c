@@ -38,25 +38,24 @@ static int parse(MapFile *file, OtherLoadsMap *map) {
     return file->good;
 }
 
-/* Place of each output among the four arrays of m values, which follow each other in memory: value * m + row. */
-static int list_outputs(MapFile *file, OtherLoads *other_loads) {
+/* The four arrays of m values follow each other: the place of an output is value * m + row. */
+static void lay_out(void *part, Room *room) {
+    OtherLoads *other_loads = part;
     const OtherLoadsMap *map = &other_loads->map;
-    for (size_t a = 0; a < map->n_arrays; a++) {
-        other_loads->n_outputs += (size_t)map->array_size[a];
+    const size_t m = map->n_loads;
+    other_loads->rows = taken(room, 2 * m * other_loads->n_gauges);
+    other_loads->growth = taken(room, other_loads->n_gauges);
+    for (int k = 0; k < N_OTHER_VALUES; k++) {
+        other_loads->value[k] = taken(room, m);
     }
-    other_loads->output = map_take(file, (other_loads->n_outputs + map->n_arrays) * sizeof(size_t));
-    if (other_loads->output == NULL) {
-        return 0;
-    }
-    other_loads->array_start = other_loads->output + other_loads->n_outputs;
-    size_t number = 0;
-    for (size_t a = 0; a < map->n_arrays; a++) {
+    other_loads->output = piece(room, other_loads->n_outputs, sizeof *other_loads->output);
+    other_loads->array_start = piece(room, map->n_arrays, sizeof *other_loads->array_start);
+    for (size_t a = 0, number = 0; room->next != NULL && a < map->n_arrays; a++) {
         other_loads->array_start[a] = number;
         for (size_t k = 0; k < (size_t)map->array_size[a]; k++) {
-            other_loads->output[number++] = (size_t)map->array_value[a] * map->n_loads + (size_t)map->array_first[a] + k;
+            other_loads->output[number++] = (size_t)map->array_value[a] * m + (size_t)map->array_first[a] + k;
         }
     }
-    return 1;
 }
 
 int other_loads_create(MapFile *file, size_t n_gauges, OtherLoads *other_loads) {
@@ -66,17 +65,10 @@ int other_loads_create(MapFile *file, size_t n_gauges, OtherLoads *other_loads) 
     if (!parse(file, &other_loads->map)) {
         return 0;
     }
-    const size_t m = other_loads->map.n_loads;
-    const size_t count = 2 * n_gauges * m + n_gauges + N_OTHER_VALUES * m;
-    other_loads->rows = map_take(file, count * sizeof(double));
-    if (other_loads->rows == NULL || !list_outputs(file, other_loads)) {
-        return 0;
+    other_loads->n_gauges = n_gauges;
+    for (size_t a = 0; a < other_loads->map.n_arrays; a++) {
+        other_loads->n_outputs += (size_t)other_loads->map.array_size[a];
     }
-    other_loads->growth = other_loads->rows + 2 * m * n_gauges;
-    other_loads->value[0] = other_loads->growth + n_gauges;
-    for (int k = 1; k < N_OTHER_VALUES; k++) {
-        other_loads->value[k] = other_loads->value[k - 1] + m;
-    }
-    other_loads->present = other_loads->outdated = 1;
-    return 1;
+    other_loads->present = other_loads->outdated = map_hand_out(file, lay_out, other_loads);
+    return other_loads->present;
 }

@@ -21,12 +21,10 @@ enum { OTHER_LOADS, OTHER_LOADS_STD, OTHER_COEFFICIENTS, OTHER_COEFFICIENTS_STD,
 typedef struct {
     int present;         /* whether the map has such loads; if not, nothing else is set */
     OtherLoadsMap map;      /* as the file has it */
-    const double *load;   /* (n_gauges, n_loads) loads of each direction, as ScaledForm has them, by added_noise.h */
-    const double *unseen; /* (n_loads) diagonal of R, the same */
     double *rows;        /* (2 n_loads, n_gauges) scratch of added_noise.h */
     double *growth;      /* (n_gauges) scratch */
     double *value[N_OTHER_VALUES]; /* (n_loads) [N, N m, 1, 1] */
-    size_t n_outputs;      /* of all arrays */
+    size_t n_gauges, n_outputs; /* of all arrays */
     size_t *output;        /* (n_outputs) place of each in value[0] and what follows it */
     size_t *array_start;   /* (n_arrays) number of its first output */
     int outdated;

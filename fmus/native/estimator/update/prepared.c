@@ -105,7 +105,7 @@ static double information_left(const Map *map, size_t n_missing, Workspace *work
     for (size_t j = 0; j < n_missing; j++) {
         const size_t gauge = work->order[j];
         for (size_t i = 0; i < n; i++) {
-            r[j * n + i] = i < gauge ? 0.0 : map->noise_whitening[triangle_column(i) + gauge];
+            r[j * n + i] = i < gauge ? 0.0 : map->made->noise_whitening[triangle_column(i) + gauge];
         }
     }
     householder_triangle(work->wide, n, n_missing, r);
@@ -144,12 +144,12 @@ static int identifies(const Map *map, size_t n_missing, Workspace *work) {
 /* R_KK, and 1 / sqrt(P_ii) of each gauge in use; 0 where P_ii is rounding, so that no other gauge checks this one. */
 static void set_residual(const Map *map, MaskedMap *masked, size_t n_missing, const Workspace *work) {
     const size_t n = map->n_gauges;
-    reordered_triangle(work->wide, n, n, map->residual_triangle, work->order, work->first);
+    reordered_triangle(work->wide, n, n, map->made->residual_triangle, work->order, work->first);
     for (size_t k = 0; k < masked->n_used; k++) {
         double *column = masked->triangle + triangle_column(k);
         memcpy(column, work->first + (n_missing + k) * n + n_missing, (k + 1) * sizeof *column);
         const double precision = dot(k + 1, column, column);
-        const int checked = precision > map->min_precision[masked->used[k]];
+        const int checked = precision > map->made->min_precision[masked->used[k]];
         masked->z_scale[k] = checked ? 1.0 / sqrt(precision) : 0.0;
     }
 }
@@ -187,7 +187,7 @@ void masked_map_groups(const Map *map, MaskedMap *masked, Workspace *work) {
 static void masked_map_prepare(const Map *map, MaskedMap *masked, Workspace *work) {
     const size_t n_missing = missing_first(map, masked, work->order);
     masked->grouped = 0;
-    reordered_triangle(work->wide, map->n_gauges, n_missing, map->residual_triangle, work->order, work->first);
+    reordered_triangle(work->wide, map->n_gauges, n_missing, map->made->residual_triangle, work->order, work->first);
     masked->identified = identifies(map, n_missing, work);
     if (!masked->identified) {
         return;

@@ -8,13 +8,6 @@
 #include "../numerics/orthogonal_rows.h"
 #include "other_loads.h"
 
-/* The arrays of Map, ScaledForm and OtherLoads that follow from others. */
-typedef struct {
-    double *residual_triangle, *noise_whitening, *min_precision; /* as in Map */
-    double *whitening, *singular, *load, *noise_left, *prior_left, *unseen, *form_min_precision; /* as in ScaledForm */
-    double *other_load, *other_unseen;                                 /* as in OtherLoads */
-} NoiseMatrices;
-
 typedef struct {
     int wide;        /* wide_of_processor() */
     Map file;        /* with the arrays of the file alone */

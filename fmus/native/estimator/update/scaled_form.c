@@ -82,44 +82,46 @@ void scaled_arrays(Scaled *scaled, Room *room) {
 
 /* The 15 entries of F_a F_a', or of (k - b)(k - b)' + (G - k S)(G - k S)' in form "absolute": the covariance is
    their sum over the directions with weights `spread`, one product of a matrix by a vector. */
-static void set_products(const ScaledForm *form, size_t a, double products[N_VALUES]) {
+static void set_products(const Map *map, size_t a, double products[N_VALUES]) {
+    const NoiseMatrices *made = map->made;
     static const double NONE[N_LOADS] = {0.0};
-    const double *load = form->load + N_LOADS * a, *noise_left = form->noise_left + N_LOADS * a;
+    const double *load = made->load + N_LOADS * a, *noise_left = made->noise_left + N_LOADS * a;
     memset(products, 0, N_VALUES * sizeof *products);
-    if (form->follows_pressure) {
+    if (map->form.follows_pressure) {
         add_products(load, NONE, products);
     } else {
-        add_products(noise_left, form->prior_left + N_LOADS * a, products);
+        add_products(noise_left, made->prior_left + N_LOADS * a, products);
     }
 }
 
 void scaled_prepare(Scaled *scaled) {
     const size_t n = scaled->map->n_gauges;
     const ScaledForm *form = &scaled->map->form;
+    const NoiseMatrices *made = scaled->map->made;
     double *scale = scaled->residual;
     scaled->step.masked = NULL;
-    dense_panels(n, n, form->whitening, 1, n, scaled->rows);
-    dense_panels(n, n, form->whitening, n, 1, scaled->columns);
+    dense_panels(n, n, made->whitening, 1, n, scaled->rows);
+    dense_panels(n, n, made->whitening, n, 1, scaled->columns);
     for (size_t k = 0; k < dense_rows(n) * dense_columns(n); k++) {
         scaled->square[k] = scaled->columns[k] * scaled->columns[k];
     }
-    dense_panels(N_LOADS, n, form->load, 1, N_LOADS, scaled->loads);
+    dense_panels(N_LOADS, n, made->load, 1, N_LOADS, scaled->loads);
     for (size_t i = 0; i < n; i++) {
-        const double *column = form->whitening + i * n;
+        const double *column = made->whitening + i * n;
         /* Columns of unit length keep the screen of residuals in float within its range: linear_outputs.c. */
         scaled->size[i] = sqrt(dot(n, column, column));
         scale[i] = 1.0 / scaled->size[i];
     }
-    narrow_panels(n, n, form->whitening, n, 1, scale, scaled->screen);
+    narrow_panels(n, n, made->whitening, n, 1, scale, scaled->screen);
     for (size_t a = 0; a < n; a++) {
         double products[N_VALUES];
-        set_products(form, a, products);
+        set_products(scaled->map, a, products);
         for (size_t k = 0; k < N_VALUES; k++) {
             scaled->squares[(k / ROWS) * ROWS * dense_columns(n) + a * ROWS + k % ROWS] = products[k];
         }
         if (scaled->of_gain != NULL) {
             /* u of the gain: the prior of the states counts gamma times, so their variance is 1 / gamma. */
-            const double size = form->singular[a];
+            const double size = made->singular[a];
             scaled->of_gain[a] = 1.0 / (1.0 + size * size / scaled->map->regularisation);
         }
     }
@@ -133,10 +135,11 @@ void scaled_prepare(Scaled *scaled) {
    directions of form "absolute". */
 EVERYWHERE void set_weights(const Scaled *scaled, ScaledStep *step) {
     const ScaledForm *form = &scaled->map->form;
+    const NoiseMatrices *made = scaled->map->made;
     const double s = step->ratio;
     const size_t n = scaled->map->n_gauges;
     for (size_t a = 0; a < n; a++) {
-        const double size = s * form->singular[a], unresolved = 1.0 / (1.0 + size * size);
+        const double size = s * made->singular[a], unresolved = 1.0 / (1.0 + size * size);
         step->unresolved[a] = unresolved;
         step->weight[a] = s * size * unresolved;
         step->spread[a] = s * s * unresolved;
@@ -184,6 +187,7 @@ static void set_lost(Scaled *scaled, ScaledStep *step) {
 EVERYWHERE void set_spread(Scaled *scaled, ScaledStep *step) {
     const size_t n = scaled->map->n_gauges;
     const ScaledForm *form = &scaled->map->form;
+    const NoiseMatrices *made = scaled->map->made;
     const double s = step->ratio, nominal = scaled->map->dynamic_pressure;
     double of_mean[ROWS], squares[N_VALUES];
     for (size_t a = 0; a < n; a++) {
@@ -203,7 +207,7 @@ EVERYWHERE void set_spread(Scaled *scaled, ScaledStep *step) {
         }
     }
     for (size_t k = 0; k < N_LOADS * N_LOADS; k++) {
-        step->base[k] += s * s * form->unseen[k];
+        step->base[k] += s * s * made->unseen[k];
     }
     if (step->n_lost > 0 && scaled->of_gain == NULL) {
         add_growth(step);
@@ -335,19 +339,20 @@ void scaled_standardised_residuals(Scaled *scaled, double *z) {
     for (size_t k = 0; k < m->n_used; k++) {
         const size_t gauge = m->used[k];
         const double precision = precisions[gauge];
-        const int checked = precision > scaled->map->form.min_precision[gauge];
+        const int checked = precision > scaled->map->made->form_min_precision[gauge];
         z[gauge] = checked ? slope[gauge] / sqrt(precision) : 0.0;
     }
 }
 
 void scaled_other_load(const Scaled *scaled, size_t j, double *value, double *variance, double *per_pressure) {
+    const NoiseMatrices *made = scaled->map->made;
     const OtherLoads *other_loads = scaled->other_loads;
     const ScaledStep *step = &scaled->step;
     const size_t n = scaled->map->n_gauges, m = other_loads->map.n_loads;
     const double s = step->ratio;
     double sum = 0.0, of_mean = 0.0, spread = 0.0;
     for (size_t a = 0; a < n; a++) {
-        const double load = other_loads->load[a * m + j], weighted = step->weight[a] * load;
+        const double load = made->other_load[a * m + j], weighted = step->weight[a] * load;
         sum += weighted * step->w[a];
         of_mean += weighted * step->of_mean[a];
         spread += step->spread[a] * (load * load);
@@ -355,7 +360,7 @@ void scaled_other_load(const Scaled *scaled, size_t j, double *value, double *va
     *value = other_loads->map.fixed_load[j] + s * other_loads->map.load_of_mean[j] + sum;
     *per_pressure = (other_loads->map.load_of_mean[j] - of_mean) / scaled->map->dynamic_pressure;
     const double *growth = lost_rows_other_growth(scaled, j);
-    *variance = spread + s * s * other_loads->unseen[j] + dot(step->n_lost, growth, growth);
+    *variance = spread + s * s * made->other_unseen[j] + dot(step->n_lost, growth, growth);
     if (scaled->map->form.has_errors) {
         *variance += s * s * current_errors_of_other(scaled, j);
     }
@@ -380,12 +385,12 @@ static void set_gain(const Scaled *scaled, const double *load, size_t apart, con
 }
 
 void scaled_gain(const Scaled *scaled, size_t i, double *gain) {
-    set_gain(scaled, scaled->map->form.load + i, N_LOADS, scaled->step.growth + i * scaled->step.n_lost, gain);
+    set_gain(scaled, scaled->map->made->load + i, N_LOADS, scaled->step.growth + i * scaled->step.n_lost, gain);
 }
 
 double scaled_other_gain(const Scaled *scaled, size_t j, double *gain) {
     double value, variance, per_pressure;
     scaled_other_load(scaled, j, &value, &variance, &per_pressure);
-    set_gain(scaled, scaled->other_loads->load + j, scaled->other_loads->map.n_loads, scaled->other_loads->growth, gain);
+    set_gain(scaled, scaled->map->made->other_load + j, scaled->other_loads->map.n_loads, scaled->other_loads->growth, gain);
     return per_pressure;
 }

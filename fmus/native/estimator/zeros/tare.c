@@ -77,34 +77,19 @@ static void say_taken(Tare *tare) {
 
 #define LARGEST_READING 1e100 /* whose square, and the sum of many of those, are finite */
 
-/* Doubles of all arrays, behind which come the bytes of `reads`. */
-static size_t tare_doubles(size_t n, size_t n_patterns) {
-    return 2 * (2 * n + 1) + window_doubles(n) + 2 * n + MAX_STRETCHES * n + n + judge_doubles(n, n_patterns);
-}
-
-static size_t tare_bytes(size_t n, size_t n_patterns) {
-    return tare_doubles(n, n_patterns) * sizeof(double) + n;
-}
-
-/* Hand out a block of these bytes, if there is one. */
-static int lay_out(double *block, size_t n_gauges, size_t n_patterns, double largest_zero, Tare *tare) {
-    const size_t n = n_gauges, zeros = 2 * n + 1, stretches = MAX_STRETCHES * n;
-    if (block == NULL) {
-        return 0;
-    }
-    tare->zero = block;
-    window_arrays(&tare->window, n, tare->zero + zeros);
-    tare->judged = tare->zero + zeros + window_doubles(n);
-    tare->statistics.mean = tare->judged + zeros;
-    tare->statistics.scatter = tare->statistics.mean + n;
-    tare->statistics.stretch = tare->statistics.scatter + n;
-    tare->reading = tare->statistics.stretch + stretches;
-    tare->scratch = tare->reading + n;
-    tare->statistics.reads = (unsigned char *)(tare->zero + tare_doubles(n, n_patterns));
-    tare->n_gauges = n;
-    tare->largest_zero = largest_zero;
-    tare->present = 1;
-    return 1;
+/* All arrays; zeros and window, which are serialised, come first. */
+static void lay_out(void *part, Room *room) {
+    Tare *tare = part;
+    const size_t n = tare->n_gauges;
+    tare->zero = taken(room, 2 * n + 1);
+    window_arrays(&tare->window, n, room);
+    tare->judged = taken(room, 2 * n + 1);
+    tare->statistics.mean = taken(room, n);
+    tare->statistics.scatter = taken(room, n);
+    tare->statistics.stretch = taken(room, MAX_STRETCHES * n);
+    tare->reading = taken(room, n);
+    tare->scratch = taken(room, judge_doubles(n, tare->limits.n_patterns));
+    tare->statistics.reads = piece(room, n, 1);
 }
 
 int tare_create(MapFile *file, size_t n_gauges, double largest_zero, Tare *tare) {
@@ -112,18 +97,17 @@ int tare_create(MapFile *file, size_t n_gauges, double largest_zero, Tare *tare)
         return file->good;
     }
     MAP_READ(file, "tare", TARE, TareLimits, &tare->limits);
-    const size_t n_patterns = tare->limits.n_patterns;
-    return lay_out(map_take(file, tare_bytes(n_gauges, n_patterns)), n_gauges, n_patterns, largest_zero, tare);
+    tare->n_gauges = n_gauges;
+    tare->largest_zero = largest_zero;
+    tare->present = map_hand_out(file, lay_out, tare);
+    return tare->present;
 }
 
 int tare_like(const Tare *other, Memory *memory, Tare *tare) {
-    const size_t n = other->n_gauges, n_patterns = other->limits.n_patterns;
-    if (other->present && !lay_out(memory_take(memory, tare_bytes(n, n_patterns)), n, n_patterns, other->largest_zero, tare)) {
-        return 0;
-    }
-    tare->limits = other->limits;
+    *tare = *other;
+    tare->present = other->present && memory_hand_out(memory, lay_out, tare);
     tare_reset(tare);
-    return 1;
+    return tare->present == other->present;
 }
 
 void tare_reset(Tare *tare) {

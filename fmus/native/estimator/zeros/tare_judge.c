@@ -47,12 +47,12 @@ size_t window_doubles(size_t n_gauges) {
     return (2 + 2 * MAX_STRETCHES) * n_gauges;
 }
 
-void window_arrays(TareWindow *window, size_t n_gauges, double *doubles) {
+void window_arrays(TareWindow *window, size_t n_gauges, Room *room) {
     window->n_gauges = n_gauges;
-    window->first = doubles;
-    window->square = window->first + n_gauges;
-    window->total = window->square + n_gauges;
-    window->count = window->total + MAX_STRETCHES * n_gauges;
+    window->first = taken(room, n_gauges);
+    window->square = taken(room, n_gauges);
+    window->total = taken(room, MAX_STRETCHES * n_gauges);
+    window->count = taken(room, MAX_STRETCHES * n_gauges);
 }
 
 void window_begin(TareWindow *window) {

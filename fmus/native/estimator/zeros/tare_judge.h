@@ -45,8 +45,8 @@ typedef struct {
 /* Number of doubles of the arrays of a window. */
 size_t window_doubles(size_t n_gauges);
 
-/* Let the arrays be those at `doubles`. */
-void window_arrays(TareWindow *window, size_t n_gauges, double *doubles);
+/* Hand out the arrays. */
+void window_arrays(TareWindow *window, size_t n_gauges, Room *room);
 
 /* Begin without readings. */
 void window_begin(TareWindow *window);
