@@ -1,8 +1,4 @@
-/* The file in resources/ that holds the data of an FMU: how it is read, and what every such file begins with.
-
-   It is little endian: a header of HEADER_SIZE bytes, then float64 arrays. The header begins with a magic of 8 bytes,
-   the format version and a byte order mark of 4 bytes each, the length of 8 bytes, and the CRC-32 of all that comes
-   after the first 32 bytes. */
+/* The file in resources/ that holds the data of an FMU: its header, how it is read and checked. */
 
 #ifndef RESOURCE_H
 #define RESOURCE_H

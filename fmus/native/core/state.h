@@ -1,7 +1,4 @@
-/* FMU states: mode and time of an instance, and the state of its model.
-
-   An FMU state is the serialised state behind a head that holds its size and the checksum of its resource, so that what
-   comes from outside and what comes from memory pass the same checks. */
+/* FMU states: mode and time of an instance, and the state of its model, in memory and as bytes. */
 
 #ifndef STATE_H
 #define STATE_H

@@ -1,9 +1,5 @@
-/* The matrices of the map follow the standard deviations of zero offsets. A step makes a part of the matrices for other ones
-   after its estimate, and uses them from the step after the last part; until then, the matrices and zero offsets of before
-   hold, and health is DEGRADED where it would be OK. A step whose estimate took long makes no part, but for every fifth in a row.
-
-   Before the first step, and where a sample stands by itself, they are made at once: nothing has a deadline then. So they
-   are where a temperature sensor comes or goes, whose strain the old ones cannot do without. */
+/* The matrices of the map follow the standard deviations of zero offsets: in a step a part of those for other ones, at once
+   where nothing has a deadline. */
 
 #ifndef RENEWAL_H
 #define RENEWAL_H

@@ -190,25 +190,20 @@ static int get_reals(Model *base, const Selection *which, double *value, char te
     return 1;
 }
 
-static int get_whole(Model *base, const Selection *which, Type type, int *value, char *text) {
-    SystemModel *model = (SystemModel *)base;
-    if (!are(model, which, type, text)) {
-        return 0;
+/* Whole numbers and truth values, which are int in C. */
+#define GET_WHOLE(name, type)                                                                              \
+    static int name(Model *base, const Selection *which, int *value, char text[MODEL_TEXT_SIZE]) {         \
+        SystemModel *model = (SystemModel *)base;                                                          \
+        const int good = are(model, which, type, text);                                                    \
+        for (size_t k = 0; k < which->count && good; k++) {                                                \
+            system_update(model);                                                                          \
+            value[k] = (int)model->value[selected(which, k)];                                              \
+        }                                                                                                  \
+        return good;                                                                                       \
     }
-    system_update(model);
-    for (size_t k = 0; k < which->count; k++) {
-        value[k] = (int)model->value[selected(which, k)];
-    }
-    return 1;
-}
 
-static int get_integers(Model *base, const Selection *which, int *value, char text[MODEL_TEXT_SIZE]) {
-    return get_whole(base, which, INTEGER, value, text);
-}
-
-static int get_booleans(Model *base, const Selection *which, int *value, char text[MODEL_TEXT_SIZE]) {
-    return get_whole(base, which, BOOLEAN, value, text);
-}
+GET_WHOLE(get_integers, INTEGER)
+GET_WHOLE(get_booleans, BOOLEAN)
 
 static int set(SystemModel *model, size_t variable, double value, char *text) {
     const Causality causality = (Causality)model->causality[variable];
@@ -227,32 +222,20 @@ static int set(SystemModel *model, size_t variable, double value, char *text) {
     return 1;
 }
 
-static int set_reals(Model *base, const Selection *which, const double *value, char text[MODEL_TEXT_SIZE]) {
-    SystemModel *model = (SystemModel *)base;
-    int good = are(model, which, REAL, text);
-    for (size_t k = 0; k < which->count && good; k++) {
-        good = set(model, selected(which, k), value[k], text);
+/* The setter of a type of variables, which C has as c_type; what is kept of a value. */
+#define SET(name, type, c_type, kept)                                                                      \
+    static int name(Model *base, const Selection *which, const c_type *value, char text[MODEL_TEXT_SIZE]) { \
+        SystemModel *model = (SystemModel *)base;                                                          \
+        int good = are(model, which, type, text);                                                          \
+        for (size_t k = 0; k < which->count && good; k++) {                                                \
+            good = set(model, selected(which, k), kept, text);                                             \
+        }                                                                                                  \
+        return good;                                                                                       \
     }
-    return good;
-}
 
-static int set_integers(Model *base, const Selection *which, const int *value, char text[MODEL_TEXT_SIZE]) {
-    SystemModel *model = (SystemModel *)base;
-    int good = are(model, which, INTEGER, text);
-    for (size_t k = 0; k < which->count && good; k++) {
-        good = set(model, selected(which, k), value[k], text);
-    }
-    return good;
-}
-
-static int set_booleans(Model *base, const Selection *which, const int *value, char text[MODEL_TEXT_SIZE]) {
-    SystemModel *model = (SystemModel *)base;
-    int good = are(model, which, BOOLEAN, text);
-    for (size_t k = 0; k < which->count && good; k++) {
-        good = set(model, selected(which, k), value[k] != 0, text);
-    }
-    return good;
-}
+SET(set_reals, REAL, double, value[k])
+SET(set_integers, INTEGER, int, value[k])
+SET(set_booleans, BOOLEAN, int, value[k] != 0)
 
 /* State: variables and states as float64, which lie behind each other in memory. */
 

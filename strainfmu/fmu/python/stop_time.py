@@ -1,4 +1,4 @@
-"""The stop time of an experiment, as ``fmus/native/core/time_span.c`` has it."""
+"""The stop time of an experiment, as ``fmus/native/core/instance.c`` has it."""
 
 from __future__ import annotations
 

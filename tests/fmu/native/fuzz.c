@@ -208,7 +208,7 @@ static void use(Estimator *e) {
         }
         for (size_t t = 0; e->thermal.present && t < e->thermal.map.n_sensors; t++) { /* others read in every third step */
             const int reads = (t + step / 3) % 3 != 0;
-            const double reading = e->thermal.map.reference + 3.0 * (double)(t + step);
+            const double reading = e->thermal.map.reference_temperature + 3.0 * (double)(t + step);
             e->inputs.value[e->inputs.first[TEMPERATURE_RUN] + t] = reads ? reading : NAN;
         }
         estimator_before_change(e);
@@ -405,13 +405,15 @@ static void fuzz_map(Input *input, int choice) {
     unsigned char *bytes = choice == 0 ? copy_of(input->data, input->left) : changed_map(input, choice == 2);
     Input none = {bytes, 0};
     fuzz_handle(bytes, length, &none);
-    Estimator *e = estimator_create(bytes, length, text);
+    Memory memory = {NULL, NULL, 0, 0};
+    Estimator *e = estimator_create(&memory, bytes, length, text);
     if (e == NULL) {
         check_text(text, sizeof text);
     } else if (e->map.n_gauges <= MOST_GAUGES) {
         use(e);
     }
-    estimator_free(e);
+    memory_free(&memory);
+    free(bytes);
 }
 
 /* --- states ----------------------------------------------------------------------------------------------------------- */

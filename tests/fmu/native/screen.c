@@ -105,7 +105,8 @@ int main(int argc, char **argv) {
     char text[MODEL_TEXT_SIZE];
     size_t length;
     unsigned char *bytes = argc > 1 ? resource_read(argv[1], &length, text) : NULL;
-    Estimator *e = bytes != NULL ? estimator_create(bytes, length, text) : NULL;
+    Memory memory = {NULL, NULL, 0, 0};
+    Estimator *e = bytes != NULL ? estimator_create(&memory, bytes, length, text) : NULL;
     if (e == NULL || e->map.n_gauges > MAX_GAUGES) {
         return 2;
     }
@@ -128,6 +129,7 @@ int main(int argc, char **argv) {
         }
     }
     printf("%ld %ld\n", tried, screened);
-    estimator_free(e);
+    memory_free(&memory);
+    free(bytes);
     return 0;
 }

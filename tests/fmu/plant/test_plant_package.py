@@ -93,7 +93,7 @@ def test_every_platform_is_shipped(fmus: dict[str, Path]) -> None:
     of_fmi2 = [name for name in PLATFORMS if name != "aarch64-darwin"]  # in darwin64's universal library
     expected = {f"binaries/{platform}/StrainedVehicle{PLATFORMS[platform].suffix}" for platform in of_fmi2}
     assert {name for name in names if name.startswith("binaries/")} == expected
-    files = ("plant/plant.c", "autopilot/autopilot.c", "schedule/schedule.c", "fmi2/fmi2_co_simulation.c")
+    files = ("plant/plant.c", "autopilot/autopilot.c", "schedule/schedule.c", "fmi2/fmi2.c")
     assert {f"sources/{name}" for name in files} <= set(names)
 
 

@@ -1,8 +1,4 @@
-/* Means and straight lines over the last samples: the longest windows that agree with all shorter ones.
-
-   Samples lie in spans whose numbers are powers of two, at most two spans of each: a window is the sample at hand and the
-   spans up to one of them. docs/explanation/filter.md has the rule, strainfmu/estimator/reference/windows.py the same of a
-   list of samples. */
+/* Means and straight lines over the last samples: the longest windows that agree with all shorter ones. */
 
 #ifndef WINDOWS_H
 #define WINDOWS_H

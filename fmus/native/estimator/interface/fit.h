@@ -1,6 +1,4 @@
-/* What a result rests on: covariances, residuals and the gauges in use, of the last outputs of an estimator.
-
-   The FMI fronts do not read these; a step does not compute what only they need. */
+/* What a result rests on: covariances, residuals and the gauges in use, of the last outputs of an estimator. */
 
 #ifndef FIT_H
 #define FIT_H
@@ -20,10 +18,6 @@ enum {
     NOISE_LEFT,                                                       /* part of the variance of noise; 1 of a sample alone */
     OF_GAUGES
 };
-
-static inline size_t fit_size(const Estimator *e) {
-    return OF_GAUGES + 3 * e->map.n_gauges;
-}
 
 /* Degrees of freedom of the chi-square of the outputs; 0 where nothing checks the estimate. */
 double degrees_of_freedom(const Estimator *e);

@@ -1,10 +1,4 @@
-/* resources/map.bin: a container of named arrays.
-
-   Little endian. The first 32 bytes are as in resource.h, with the checksum of all that follows; then the number of
-   arrays, of 4 bytes, and 12 zeros; then an entry for each array, by ascending names: name (48 bytes, ended by zeros),
-   kind, rank, four lengths (4 bytes each, 0 beyond the rank), position in the file (8 bytes). The arrays follow one
-   another in the order of the entries, row by row, each from a multiple of 16 bytes on.
-   strainfmu/estimator/resource/map_file.py writes it.
+/* resources/map.bin: a container of named arrays, whose layout container.c states; strainfmu/estimator/resource/map_file.py writes it.
 
    map_layout.h lists the arrays. A structure gets its members by MAP_MEMBERS, and its values by MAP_READ, which records
    the first thing that is wrong and does nothing from then on: a module that looks into its values itself checks `good`

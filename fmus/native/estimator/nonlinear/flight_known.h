@@ -1,7 +1,4 @@
-/* Parameters of the flow that are known with a standard deviation: tables and errors about what is known of them.
-
-   The C counterpart of strainfmu/estimator/map/nonlinear_map.py. Tables are the mean's plus p_inf times a
-   sum over powers of the parameters; errors are products, so that what is known weighs them. */
+/* Parameters of the flow that are known with a standard deviation: tables and errors about what is known of them. */
 
 #ifndef FLIGHT_KNOWN_H
 #define FLIGHT_KNOWN_H

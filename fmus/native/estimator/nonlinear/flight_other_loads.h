@@ -1,8 +1,4 @@
-/* Loads in addition to the five over the flight state, by the nonlinear estimator.
-
-   The equations are in strainfmu/estimator/reference/nonlinear.py. The loads are part
-   "flight_loads" of resources/map.bin. Of strain off the tables the loads are as in
-   other_loads.h. */
+/* Loads in addition to the five over the flight state, part "flight_loads" of resources/map.bin. */
 
 #ifndef FLIGHT_OTHER_H
 #define FLIGHT_OTHER_H

@@ -1,6 +1,4 @@
-/* The flight state that fits strain and navigation, and loads, residuals and covariances that follow from it.
-
-   The equations are in strainfmu/estimator/reference/nonlinear.py. */
+/* The flight state that fits strain and navigation, and loads, residuals and covariances that follow from it. */
 
 #ifndef FLIGHT_SOLVE_H
 #define FLIGHT_SOLVE_H

@@ -1,7 +1,5 @@
-/* Strain and loads over the flight state, as strainfmu/estimator/map/flight_tables.py has them.
-
-   Rows are strains, then the five loads; or the other loads. Tables are laid out for registers: harmonics of a channel in multiples of
-   LANES; every sum runs in LANES parts, which are added in one order on every processor. */
+/* Strain and loads over the flight state, as strainfmu/estimator/map/flight_tables.py has them. Rows are strains, then the five
+   loads; or the other loads. */
 
 #ifndef FLIGHT_TABLES_H
 #define FLIGHT_TABLES_H

@@ -26,7 +26,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "wide.h"
+#include "triangles.h"
 
 #define SWEEPS 40
 #define ORTHOGONAL 4e-16 /* |cosine| of two rows that counts as 0 */
@@ -39,22 +39,6 @@ enum { PRODUCTS, REFLECTIONS, QL, SQUARES, SWEEP, ORTHOGONAL_ROWS };
 
 size_t orthogonal_rows_doubles(size_t count, size_t width) {
     return count * count + 3 * count + width;
-}
-
-/* The sum of triangles.h, in its order. */
-EVERYWHERE double product(size_t n, const double *restrict x, const double *restrict y) {
-    double part[LANES] = {0.0};
-    size_t i = 0;
-    for (; i + LANES <= n; i += LANES) {
-        for (size_t r = 0; r < LANES; r++) {
-            part[r] += x[i + r] * y[i + r];
-        }
-    }
-    double sum = (part[0] + part[1]) + (part[2] + part[3]);
-    for (; i < n; i++) {
-        sum += x[i] * y[i];
-    }
-    return sum;
 }
 
 /* a = c a - s b, b = s a + c b. */
@@ -77,7 +61,7 @@ EVERYWHERE void add(size_t width, double factor, const double *restrict x, doubl
 EVERYWHERE void reflect(size_t count, size_t width, size_t k, double *gram, double *rows, double *scratch) {
     const size_t first = k + 1, length = count - first;
     double *restrict v = gram + k * count + first, *restrict w = scratch, *restrict sum = scratch + count;
-    const double norm = sqrt(product(length, v, v));
+    const double norm = sqrt(sum_of_products(length, v, v));
     if (!(norm > 0.0)) {
         return;
     }
@@ -86,9 +70,9 @@ EVERYWHERE void reflect(size_t count, size_t width, size_t k, double *gram, doub
        of the rows. */
     v[0] = head - end;
     for (size_t i = 0; i < length; i++) {
-        w[i] = factor * product(length, gram + (first + i) * count + first, v);
+        w[i] = factor * sum_of_products(length, gram + (first + i) * count + first, v);
     }
-    add(length, -0.5 * factor * product(length, v, w), v, w);
+    add(length, -0.5 * factor * sum_of_products(length, v, w), v, w);
     for (size_t i = 0; i < length; i++) {
         double *restrict row = gram + (first + i) * count + first;
         add(length, -v[i], w, row);
@@ -144,7 +128,7 @@ EVERYWHERE void rotate_pair(size_t width, double alpha, double beta, double gamm
 /* Row k of the products. */
 EVERYWHERE size_t set_products(size_t count, size_t n, size_t width, size_t k, const double *rows, double *gram) {
     for (size_t j = 0; j <= k; j++) {
-        gram[k * count + j] = gram[j * count + k] = product(n, rows + k * width, rows + j * width);
+        gram[k * count + j] = gram[j * count + k] = sum_of_products(n, rows + k * width, rows + j * width);
     }
     return (k + 1) * n;
 }
@@ -180,15 +164,15 @@ EVERYWHERE size_t sweep(size_t count, size_t n, size_t width, size_t p, double *
     size_t work = 0;
     for (size_t q = p + 1; q < count; q++) {
         double *a = rows + p * width, *b = rows + q * width;
-        const double gamma = product(n, a, b), scale = sqrt(square[p]) * sqrt(square[q]);
+        const double gamma = sum_of_products(n, a, b), scale = sqrt(square[p]) * sqrt(square[q]);
         work += n;
         if (!(fabs(gamma) > ORTHOGONAL * scale)) {
             continue;
         }
         *largest = fabs(gamma) / scale > *largest ? fabs(gamma) / scale : *largest;
         rotate_pair(width, square[p], square[q], gamma, a, b);
-        square[p] = product(n, a, a);
-        square[q] = product(n, b, b);
+        square[p] = sum_of_products(n, a, a);
+        square[q] = sum_of_products(n, b, b);
         work += 2 * width + 2 * n + ROOTS;
     }
     return work;
@@ -242,7 +226,7 @@ EVERYWHERE size_t turn_row(size_t count, size_t n, size_t width, double *rows, d
         break;
     case SQUARES:
         for (size_t i = 0; i < count; i++) {
-            square[i] = product(n, rows + i * width, rows + i * width);
+            square[i] = sum_of_products(n, rows + i * width, rows + i * width);
         }
         work = count * n;
         next_stage(turned);

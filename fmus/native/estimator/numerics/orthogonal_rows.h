@@ -1,9 +1,4 @@
-/* Rows turned until they are orthogonal: the left singular vectors of a matrix, applied to it and to what stands behind it.
-
-   First the rows are turned by the eigenvectors of their products: reflections to a tridiagonal matrix, then QL steps with
-   implicit shifts (Golub & Van Loan, Matrix Computations, sections 8.3.1 and 8.3.3). That leaves them orthogonal to
-   rounding of the largest row. One-sided Jacobi rotations then make them so for their own sizes, in two or three sweeps.
-   Every turn is orthogonal: none loses what the others have reached. */
+/* Rows turned until they are orthogonal: the left singular vectors of a matrix, applied to it and to what stands behind it. */
 
 #ifndef ORTHOGONAL_ROWS_H
 #define ORTHOGONAL_ROWS_H

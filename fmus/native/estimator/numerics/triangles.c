@@ -19,23 +19,8 @@
 #include <math.h>
 #include <string.h>
 
-#include "wide.h"
-
-/* Four parts, so that additions need not wait for each other, added as (0 + 1) + (2 + 3); then the rest in order. */
 double dot(size_t n, const double *restrict x, const double *restrict y) {
-    double a = 0.0, b = 0.0, c = 0.0, d = 0.0;
-    size_t i = 0;
-    for (; i + 4 <= n; i += 4) {
-        a += x[i] * y[i];
-        b += x[i + 1] * y[i + 1];
-        c += x[i + 2] * y[i + 2];
-        d += x[i + 3] * y[i + 3];
-    }
-    double sum = (a + b) + (c + d);
-    for (; i < n; i++) {
-        sum += x[i] * y[i];
-    }
-    return sum;
+    return sum_of_products(n, x, y);
 }
 
 /* The same for two at once, each in the order of dot. */

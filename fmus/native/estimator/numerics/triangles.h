@@ -8,12 +8,31 @@
 
 #include <stddef.h>
 
+#include "wide.h"
+
 /* Index of the first element of column j. */
 static inline size_t triangle_column(size_t j) {
     return j * (j + 1) / 2;
 }
 
-/* Sum of x[i] y[i] over n elements. */
+/* Sum of x[i] y[i] over n elements, in LANES parts, so that additions need not wait for each other, added as (0 + 1) +
+   (2 + 3); then the rest in order. */
+EVERYWHERE double sum_of_products(size_t n, const double *restrict x, const double *restrict y) {
+    double part[LANES] = {0.0};
+    size_t i = 0;
+    for (; i + LANES <= n; i += LANES) {
+        for (size_t r = 0; r < LANES; r++) {
+            part[r] += x[i + r] * y[i + r];
+        }
+    }
+    double sum = (part[0] + part[1]) + (part[2] + part[3]);
+    for (; i < n; i++) {
+        sum += x[i] * y[i];
+    }
+    return sum;
+}
+
+/* The same by a call. */
 double dot(size_t n, const double *x, const double *y);
 
 /* Replace the upper triangle of a (rows x columns, by columns) by the R of a = Q R; what lies below is scratch.

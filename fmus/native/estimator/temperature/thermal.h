@@ -1,8 +1,5 @@
-/* Temperature and inertia at run time: their strain, subtracted from the readings as far as sensors measure it.
-
-   The C counterpart of strainfmu/estimator/map/sensors.py, which has the formulas; it is part "thermal"
-   of resources/map.bin. In a map with masses the last sensors are the channels of an inertial unit, each of a mode of
-   its own (strainfmu/estimator/map/sensors.py): part "inertia". */
+/* Temperature and inertia at run time: their strain, subtracted from the readings as far as sensors measure it. Parts
+   "thermal" and "inertia" of resources/map.bin: in a map with masses the last sensors are the channels of an inertial unit. */
 
 #ifndef THERMAL_H
 #define THERMAL_H

@@ -1,8 +1,5 @@
-/* What follows from the covariance of the gauges: directions and whitening of a map. In addition to the file's errors,
-   gauges have errors that do not scale with the dynamic pressure: of their zeros, and what temperature sensors leave
-   of thermal strain.
-
-   prepare of strainfmu/estimator/reference/update.py, for all gauges. */
+/* What follows from the covariance of the gauges, in addition to the file's errors by those that do not scale with the
+   dynamic pressure: of zeros, and what temperature sensors leave of thermal strain. */
 
 #ifndef ADDED_NOISE_H
 #define ADDED_NOISE_H

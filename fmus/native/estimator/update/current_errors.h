@@ -1,10 +1,5 @@
 /* Errors in proportion to strain, at the current one (eq:proportional): what they add to the covariance of the loads and to
-   the expected chi-square, G D G' and the trace of P D.
-
-   D is linear in 21 products of coefficients. With all gauges the factors of these products are smooth functions of the
-   pressure ratio: in an interval of ratios, a factor 2^(1/16) wide, polynomials through N_NODES exact values hold them to
-   1e-10 of a variance. An interval is filled in the step that first enters it, and kept. Lost gauges are taken out exactly,
-   with P = P_all - Y Y' and G = G_all - B Y'. */
+   the expected chi-square, G D G' and the trace of P D. */
 
 #ifndef CURRENT_ERRORS_H
 #define CURRENT_ERRORS_H

@@ -1,7 +1,5 @@
-/* Linear outputs of a map in form "dynamic_pressure" in addition to the five loads.
-
-   The C counterpart of what strainfmu/estimator has of other loads (other_loads.py lists them);
-   they are part "other_loads" of resources/map.bin, and computed when they are read. */
+/* Linear outputs of a map in form "dynamic_pressure" in addition to the five loads, computed when they are read: part
+   "other_loads" of resources/map.bin. */
 
 #ifndef OTHER_LOADS_H
 #define OTHER_LOADS_H

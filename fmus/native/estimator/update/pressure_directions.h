@@ -1,6 +1,4 @@
-/* The directions of a map in form "dynamic_pressure" that serve every dynamic pressure, for the errors of its gauges.
-
-   docs/explanation/dynamic_pressure.md has the formulas. */
+/* The directions of a map that serve every dynamic pressure, for the errors of its gauges; scratch to make them part by part. */
 
 #ifndef PRESSURE_DIRECTIONS_H
 #define PRESSURE_DIRECTIONS_H

@@ -1,7 +1,4 @@
-/* The step of a linear map: weights follow the dynamic pressure, errors the current strain. In form "absolute" the pressure
-   ratio is 1, weights are fixed, and the gain may be for another prior of the states than the true one.
-
-   eq:scaled-model, eq:scaled-loads and eq:scaled-chi-square of the page on the theory; strainfmu/estimator/reference. */
+/* The step of a linear map: weights follow the dynamic pressure, errors the current strain. */
 
 #ifndef SCALED_FORM_H
 #define SCALED_FORM_H

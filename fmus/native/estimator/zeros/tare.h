@@ -1,7 +1,5 @@
-/* A tare by the edges of the input `tare`: while it is true readings are averaged, then judged, and become the zeros;
-   or of a whole window of readings at once. tare_judge.h has the formulas.
-
-   Limits and the strain of flights and of known loads are part "tare" of resources/map.bin. */
+/* A tare by the edges of the input `tare`, or of a whole window of readings at once. Limits and the strain of flights and of
+   known loads are part "tare" of resources/map.bin. */
 
 #ifndef TARE_H
 #define TARE_H
