@@ -29,6 +29,17 @@ static inline uint32_t u32_at(const unsigned char *bytes, size_t position) {
     return value;
 }
 
+/* Float64 `k` of bytes at any address, and whether it is 0 or 1. */
+static inline double double_at(const unsigned char *bytes, size_t k) {
+    double value;
+    memcpy(&value, bytes + k * sizeof value, sizeof value);
+    return value;
+}
+
+static inline int is_flag(double value) {
+    return value == 0.0 || value == 1.0;
+}
+
 /* CRC-32 of ISO 3309, as in zlib. */
 uint32_t crc32(const unsigned char *bytes, size_t length);
 

@@ -103,12 +103,10 @@ static const char *state_fault(const Instance *instance, const unsigned char *by
     if (header.kind != (uint32_t)instance->kind || !mode_exists(header.mode)) {
         return "is that of another kind of instance";
     }
-    double time;
-    memcpy(&time, bytes + sizeof header, sizeof time);
-    if (!isfinite(time)) {
+    if (!isfinite(double_at(bytes + sizeof header, 0))) {
         return "holds a time that is not finite";
     }
-    if (!model_check_state(model, bytes + sizeof header + sizeof time, text)) {
+    if (!model_check_state(model, bytes + sizeof header + sizeof(double), text)) {
         return text;
     }
     const unsigned char *of_node = bytes + size - node_size(instance);
@@ -120,7 +118,7 @@ static void read_state(Instance *instance, const unsigned char *bytes) {
     SerialHeader header;
     memcpy(&header, bytes, sizeof header);
     model->mode = (Mode)header.mode;
-    memcpy(&model->time, bytes + sizeof header, sizeof model->time);
+    model->time = double_at(bytes + sizeof header, 0);
     model_read_state(model, bytes + sizeof header + sizeof model->time);
     if (instance->node != NULL) {
         memcpy(instance->node->state, bytes + state_size(instance) - node_size(instance), node_size(instance));

@@ -145,6 +145,8 @@ const double *renewal_zeros(const Renewal *renewal, const double *given) {
 /* Serialised: under_way, parts, waited, held and target, then the known sensors, 0 or 1, and of a map with masses the
    vibration, 0 where it is not known; 0 before the first step. */
 
+enum { N_HEAD = 3 };
+
 static size_t n_sensors(const Renewal *renewal) {
     return renewal->thermal->present ? renewal->thermal->map.n_sensors : 0;
 }
@@ -158,12 +160,12 @@ static size_t n_flags(const Renewal *renewal) {
 }
 
 size_t renewal_state_size(const Renewal *renewal) {
-    return (3 + n_flags(renewal)) * sizeof(double) + 2 * zeros_size(renewal);
+    return (N_HEAD + n_flags(renewal)) * sizeof(double) + 2 * zeros_size(renewal);
 }
 
 void renewal_write_state(const Renewal *renewal, unsigned char *bytes) {
     const size_t size = zeros_size(renewal);
-    const double head[3] = {renewal->under_way, renewal->parts, renewal->waited};
+    const double head[N_HEAD] = {renewal->under_way, renewal->parts, renewal->waited};
     memcpy(bytes, head, sizeof head);
     bytes += sizeof head;
     memset(bytes, 0, renewal_state_size(renewal) - sizeof head);
@@ -185,46 +187,33 @@ void renewal_write_state(const Renewal *renewal, unsigned char *bytes) {
     }
 }
 
-static int is_flag(double value) {
-    return value == 0.0 || value == 1.0;
-}
-
 int renewal_state_fits(const Renewal *renewal, double largest_zero, const unsigned char *bytes) {
     const size_t n = renewal->n_strains, count = number_of_zeros(n);
-    double head[3], value;
-    memcpy(head, bytes, sizeof head);
-    bytes += sizeof head;
-    int good = is_flag(head[0]) && head[1] >= 0.0 && head[1] <= MOST_PARTS * head[0];
-    good = good && head[2] >= 0.0 && head[2] <= MOST_WAITED * head[0];
+    int good = is_flag(double_at(bytes, 0)) && double_at(bytes, 1) >= 0.0 && double_at(bytes, 2) >= 0.0
+            && double_at(bytes, 1) <= MOST_PARTS * double_at(bytes, 0)
+            && double_at(bytes, 2) <= MOST_WAITED * double_at(bytes, 0);
+    bytes += N_HEAD * sizeof(double);
     for (size_t k = 0; k < 2 * count; k++) {
-        memcpy(&value, bytes + k * sizeof value, sizeof value);
-        good = good && value >= (k % count < n ? -largest_zero : 0.0) && value <= largest_zero;
+        const double least = k % count < n ? -largest_zero : 0.0;
+        good = good && double_at(bytes, k) >= least && double_at(bytes, k) <= largest_zero;
     }
     bytes += 2 * zeros_size(renewal);
     for (size_t t = 0; t < n_sensors(renewal); t++) {
-        memcpy(&value, bytes + t * sizeof value, sizeof value);
-        good = good && is_flag(value);
+        good = good && is_flag(double_at(bytes, t));
     }
-    if (n_flags(renewal) > n_sensors(renewal)) {
-        memcpy(&value, bytes + n_sensors(renewal) * sizeof value, sizeof value);
-        good = good && thermal_is_vibration(value);
-    }
-    return good;
+    return good && (n_flags(renewal) == n_sensors(renewal) || thermal_is_vibration(double_at(bytes, n_sensors(renewal))));
 }
 
 /* The sensors that matrices are for; whether they are others than before. */
 static int read_sensors(Renewal *renewal, const unsigned char *bytes) {
     int other = 0;
     for (size_t t = 0; t < n_sensors(renewal); t++) {
-        double known;
-        memcpy(&known, bytes + t * sizeof known, sizeof known);
-        other |= renewal->thermal->known[t] != (known != 0.0);
-        renewal->thermal->known[t] = known != 0.0;
+        const unsigned char known = double_at(bytes, t) != 0.0;
+        other |= renewal->thermal->known[t] != known;
+        renewal->thermal->known[t] = known;
     }
     if (n_flags(renewal) > n_sensors(renewal)) {
-        double vibration;
-        memcpy(&vibration, bytes + n_sensors(renewal) * sizeof vibration, sizeof vibration);
-        other |= thermal_set_vibration(renewal->thermal, vibration);
+        other |= thermal_set_vibration(renewal->thermal, double_at(bytes, n_sensors(renewal)));
     }
     renewal->thermal->outdated |= other;
     return other;
@@ -233,7 +222,7 @@ static int read_sensors(Renewal *renewal, const unsigned char *bytes) {
 void renewal_read_state(Renewal *renewal, const unsigned char *bytes) {
     const size_t size = zeros_size(renewal);
     const double before = renewal->parts;
-    double head[3];
+    double head[N_HEAD];
     memcpy(head, bytes, sizeof head);
     bytes += sizeof head;
     renewal->under_way = head[0];

@@ -251,10 +251,8 @@ void model_write_state(const Model *base, unsigned char *bytes) {
 static int check_state(const Model *base, const unsigned char *bytes, char text[MODEL_TEXT_SIZE]) {
     const SystemModel *model = (const SystemModel *)base;
     for (size_t i = 0; i < model->n_variables; i++) {
-        double value;
-        memcpy(&value, bytes + sizeof value * i, sizeof value);
-        if (!accepts(model, i, value)) {
-            snprintf(text, MODEL_TEXT_SIZE, "holds %g for variable %lu, which is not allowed", value, (unsigned long)i);
+        if (!accepts(model, i, double_at(bytes, i))) {
+            snprintf(text, MODEL_TEXT_SIZE, "holds %g for variable %lu, which is not allowed", double_at(bytes, i), (unsigned long)i);
             return 0;
         }
     }

@@ -169,12 +169,8 @@ void filter_take_next(Filter *filter, double time) {
     track->now = time;
 }
 
-static size_t span_size(const Filter *filter) {
-    return sizeof filter->windows.span;
-}
-
 size_t filter_state_size(const Filter *filter) {
-    return filter->present ? sizeof filter->track + span_size(filter) + filter->n_kept * sizeof *filter->kept : 0;
+    return filter->present ? sizeof filter->track + sizeof filter->windows.span + filter->n_kept * sizeof *filter->kept : 0;
 }
 
 void filter_write_state(const Filter *filter, unsigned char *bytes) {
@@ -186,7 +182,7 @@ void filter_write_state(const Filter *filter, unsigned char *bytes) {
     memcpy(bytes, &filter->track, sizeof filter->track);
     bytes += sizeof filter->track;
     memcpy(bytes, filter->windows.span, n_spans * sizeof *filter->windows.span);
-    bytes += span_size(filter);
+    bytes += sizeof filter->windows.span;
     if (filter->track.has_last != 0.0) {
         memcpy(bytes, filter->kept, (filter->n_held + 3 * channels) * sizeof *filter->kept);
     }
@@ -216,16 +212,13 @@ int filter_state_fits(const Filter *filter, const unsigned char *bytes) {
     }
     const size_t n = sizeof track / sizeof(double) + MOST_SPANS * N_SPAN + filter->n_kept;
     for (size_t k = 0; k < n; k++) {
-        double value;
-        memcpy(&value, bytes + k * sizeof value, sizeof value);
-        if (!isfinite(value) || fabs(value) > LARGEST) {
+        if (!(fabs(double_at(bytes, k)) <= LARGEST)) {
             return 0;
         }
     }
     memcpy(&track, bytes, sizeof track);
     memcpy(span, bytes + sizeof track, sizeof span);
-    if (!((track.stepped == 0.0 || track.stepped == 1.0) && (track.has_last == 0.0 || track.has_last == 1.0)
-          && track.n_spans >= 0.0 && track.n_spans <= (double)MOST_SPANS && track.n_spans == (double)(size_t)track.n_spans)
+    if (!(is_flag(track.stepped) && is_flag(track.has_last) && track.n_spans >= 0.0 && track.n_spans <= (double)MOST_SPANS && track.n_spans == (double)(size_t)track.n_spans)
         || !spans_fit(span, (size_t)track.n_spans)) {
         return 0;
     }
@@ -233,12 +226,7 @@ int filter_state_fits(const Filter *filter, const unsigned char *bytes) {
                                + (filter->n_kept - MOST_SPANS * filter->channels) * sizeof(double);
     const unsigned char *variance = bytes + sizeof track + sizeof span + (filter->n_held + filter->channels) * sizeof(double);
     for (size_t k = 0; k < MOST_SPANS * filter->channels; k++) {
-        double one, other = 0.0;
-        memcpy(&one, noise + k * sizeof one, sizeof one);
-        if (k < filter->channels) {
-            memcpy(&other, variance + k * sizeof other, sizeof other);
-        }
-        if (!(one >= 0.0 && other >= 0.0)) {
+        if (!(double_at(noise, k) >= 0.0 && (k >= filter->channels || double_at(variance, k) >= 0.0))) {
             return 0;
         }
     }
@@ -248,8 +236,8 @@ int filter_state_fits(const Filter *filter, const unsigned char *bytes) {
 void filter_read_state(Filter *filter, const unsigned char *bytes) {
     if (filter->present) {
         memcpy(&filter->track, bytes, sizeof filter->track);
-        memcpy(filter->windows.span, bytes + sizeof filter->track, span_size(filter));
-        memcpy(filter->kept, bytes + sizeof filter->track + span_size(filter), filter->n_kept * sizeof *filter->kept);
+        memcpy(filter->windows.span, bytes + sizeof filter->track, sizeof filter->windows.span);
+        memcpy(filter->kept, bytes + sizeof filter->track + sizeof filter->windows.span, filter->n_kept * sizeof *filter->kept);
         filter->windows.n_spans = (size_t)filter->track.n_spans;
         filter->is_sample = filter->is_filtered = filter->coasts = 0;
     }

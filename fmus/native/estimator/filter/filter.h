@@ -70,6 +70,15 @@ double filter_no_sample(Filter *filter, const Inputs *inputs);
 /* The sample at hand is one before the next, at a time [s]. */
 void filter_take_next(Filter *filter, double time);
 
+/* Covariances of filtered channels, from the covariances (count, count) of the sample alone. */
+static inline void scale_covariance(size_t count, const double *factor, double *covariance) {
+    for (size_t i = 0; i < count; i++) {
+        for (size_t j = 0; j < count; j++) {
+            covariance[i * count + j] *= factor[i] * factor[j];
+        }
+    }
+}
+
 /* The state; whether such bytes may be read. */
 size_t filter_state_size(const Filter *filter);
 void filter_write_state(const Filter *filter, unsigned char *bytes);

@@ -57,16 +57,13 @@ void model_write_state(const Model *model, unsigned char *bytes) {
 int estimator_check_state(const Model *model, const unsigned char *bytes, char text[MODEL_TEXT_SIZE]) {
     const Estimator *e = estimator_of(model);
     for (size_t i = 0; i < e->inputs.first[N_INPUT_RUNS]; i++) {
-        double value;
-        memcpy(&value, bytes + sizeof value * i, sizeof value);
-        if (!inputs_accept(&e->inputs, i, value, text)) {
+        if (!inputs_accept(&e->inputs, i, double_at(bytes, i), text)) {
             snprintf(text, MODEL_TEXT_SIZE, "holds a setting that is not allowed");
             return 0;
         }
     }
     for (size_t i = 0; i < N_WHOLE; i++) {
-        double whole;
-        memcpy(&whole, bytes + sizeof whole * (e->inputs.first[N_INPUT_RUNS] + i), sizeof whole);
+        const double whole = double_at(bytes, e->inputs.first[N_INPUT_RUNS] + i);
         const size_t most = i == 0 ? OUTSIDE : i == TARE_WHOLE ? TARE_REFUSED : e->map.n_gauges;
         if (!(whole >= 0.0 && whole <= (double)most)) {
             snprintf(text, MODEL_TEXT_SIZE, "holds a health or a number of gauges that there is not");

@@ -99,15 +99,6 @@ static void flight_covariances(const Estimator *e, double *fit) {
     transferred(transfer, solution->coefficient_covariance, NONE, fit + COEFFICIENT_COVARIANCE);
 }
 
-/* Covariances of filtered channels, from the covariances of the sample alone. */
-static void scale_covariance(size_t count, const double *factor, double *covariance) {
-    for (size_t i = 0; i < count; i++) {
-        for (size_t j = 0; j < count; j++) {
-            covariance[i * count + j] *= factor[i] * factor[j];
-        }
-    }
-}
-
 static void write_filtered(const Estimator *e, double *fit) {
     const Filter *filter = &e->filter;
     scale_covariance(N_LOADS, filter->factor + LOAD_CHANNELS, fit + LOAD_COVARIANCE);

@@ -406,8 +406,7 @@ void sl_state(const StrainLoad *handle, unsigned char *bytes) {
 }
 
 int sl_restore(StrainLoad *handle, const unsigned char *bytes, char text[SL_TEXT_SIZE]) {
-    double time;
-    memcpy(&time, bytes, sizeof time);
+    const double time = double_at(bytes, 0);
     if (!isfinite(time)) {
         snprintf(text, SL_TEXT_SIZE, "holds a time that is no number");
         return 0;

@@ -201,10 +201,6 @@ static double signed_angle(double y, double x) {
     return y < 0.0 ? -angle_of(-y, x) : angle_of(y, x);
 }
 
-static double smaller(double a, double b) {
-    return b < a ? b : a;
-}
-
 /* Derivatives of the angles by u and w; the direction of the wind is (along, y, z). */
 typedef struct {
     double along, y, z;
@@ -287,6 +283,6 @@ void flight_air_data(const FlightMap *map, const double *prior_std, const Soluti
     for (int i = AIR_PRESSURE; i <= AIR_DYNAMIC; i++) {
         std[i] = value[i] * lognormal_deviation(std[i] / value[i]);
     }
-    std[WIND_ROLL_ANGLE] = smaller(std[WIND_ROLL_ANGLE], PI / sqrt(3.0)); /* of a roll angle that may be any */
+    std[WIND_ROLL_ANGLE] = clipped(std[WIND_ROLL_ANGLE], 0.0, PI / sqrt(3.0)); /* of a roll angle that may be any */
     set_flags(map, prior_std, solution, std[TOTAL_INCIDENCE], is_identified);
 }

@@ -20,6 +20,7 @@
 #include <math.h>
 
 #include "../../core/elementary.h"
+#include "../numerics/cholesky.h"
 #include "../sample/air_data.h"
 #include "../sample/readings.h"
 
@@ -84,10 +85,6 @@ static void join(double *value, double *std, double other, double other_std) {
     const double variance = *std * *std + other_std * other_std, apart = fabs(other - *value) / sqrt(variance);
     *value += *std * *std / variance * (other - *value);
     *std *= other_std / sqrt(variance) * (apart > 1.0 ? apart : 1.0);
-}
-
-static double larger(double a, double b) {
-    return b > a ? b : a;
 }
 
 /* Whether a value of navigation is known. */

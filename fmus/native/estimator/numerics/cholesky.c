@@ -308,21 +308,6 @@ EVERYWHERE void backward(size_t n, const double *restrict lower, size_t count, d
     }
 }
 
-/* L^-1 (LANES, LANES) of the diagonal's LANES from k on. */
-static void invert_diagonal(size_t n, const double *restrict lower, size_t k, double small[LANES][LANES]) {
-    for (size_t c = 0; c < LANES; c++) {
-        /* Row c of the inverse, from the rows above it. */
-        const double scale = 1.0 / lower[(k + c) * n + k + c];
-        for (size_t j = 0; j < LANES; j++) {
-            double sum = j == c ? 1.0 : 0.0;
-            for (size_t b = 0; b < c; b++) {
-                sum -= lower[(k + b) * n + k + c] * small[b][j];
-            }
-            small[c][j] = j <= c ? sum * scale : 0.0;
-        }
-    }
-}
-
 /* y = L'^-1 x of N_TURNED vectors and the sums of squares of the columns of L^-1, LANES columns at a time. */
 EVERYWHERE void back(size_t n, const double *restrict inverse, const double *restrict x, double *restrict y,
                      double *restrict squares) {
@@ -396,16 +381,16 @@ void solve_upper(int wide, size_t n, const double *lower, size_t count, double *
 
 void invert_lower(int wide, size_t n, const double *lower, double *scratch, double *inverse) {
     for (size_t k = 0; k < n; k += LANES) {
-        double small[LANES][LANES], turned[LANES * LANES], *rows = inverse + k * n;
-        invert_diagonal(n, lower, k, small);
+        double by_columns[LANES][LANES], turned[LANES * LANES], *rows = inverse + k * n;
+        invert_block(n, lower, k, by_columns);
         /* Row block k of L^-1 is -L_kk^-1 (L_k,0..k-1 times the row blocks above): two products of matrices. */
         multiply(wide, LOWER, LANES, k, k, (Strided){lower + k, 1, n}, inverse, n, scratch, n);
         for (size_t c = 0; c < LANES; c++) { /* and zeros as far as the widest block of a product reads */
             for (size_t j = 0; j < LANES; j++) {
-                turned[c * LANES + j] = -small[c][j];
+                rows[c * n + k + j] = by_columns[j][c];
+                turned[c * LANES + j] = -by_columns[j][c];
             }
-            memcpy(rows + c * n + k, small[c], sizeof small[c]);
-            memset(rows + c * n + k + LANES, 0, k + LANES < n ? sizeof small[c] : 0);
+            memset(rows + c * n + k + LANES, 0, k + LANES < n ? LANES * sizeof *rows : 0);
         }
         multiply(wide, FULL, LANES, LANES, k, by_rows(turned, LANES), scratch, n, rows, n);
     }

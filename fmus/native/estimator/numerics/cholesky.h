@@ -37,6 +37,10 @@ void invert_small(size_t order, const double *matrix, double *inverse);
 /* x' M x of a symmetric matrix, and x' M y. */
 double quadratic(size_t order, const double *x, const double *matrix, const double *y);
 
+static inline double larger(double a, double b) {
+    return b > a ? b : a;
+}
+
 /* value, or the end of the range that it leaves. */
 static inline double clipped(double value, double low, double high) {
     return value < low ? low : value > high ? high : value;

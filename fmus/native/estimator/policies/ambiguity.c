@@ -35,7 +35,6 @@
 #define ASIDE 3.0
 #define LARGEST_ASIDE 3.0
 #define LEAST_EXCESS 4.0
-#define BETTER 9.0
 static const double UNLIKELY[2] = {16.0, 25.0}, UNEXPLAINED[2] = {4.0, 9.0};
 
 #define N_INNER STATE_PRESSURE /* Mach number, u and w; ln p_inf is the last of the state */
@@ -70,6 +69,10 @@ void flight_widen(FlightSolver *solver, const double *widening) {
 /* 0 below the first of the ends, 1 above the second, between them a straight line. */
 static double risen(double value, const double *ends) {
     return clipped((value - ends[0]) / (ends[1] - ends[0]), 0.0, 1.0);
+}
+
+double flight_weight_of_excess(double excess) {
+    return 1.0 - risen(excess, UNLIKELY);
 }
 
 /* Outputs and variances at the state of the problem, of which the first n_free elements are free, and its -2 ln
@@ -138,7 +141,7 @@ static void look_aside(FlightSolver *solver, const double *state, const double *
     Estimated other;
     estimate(solver, N_INNER, &other); /* for ln p_inf the error is the distance itself */
     const double excess = other.deviance - base->deviance;
-    enlarge(base, &other, 1.0 - risen(excess, UNLIKELY), 1.0 / (excess > LEAST_EXCESS ? excess : LEAST_EXCESS), largest);
+    enlarge(base, &other, flight_weight_of_excess(excess), 1.0 / (excess > LEAST_EXCESS ? excess : LEAST_EXCESS), largest);
 }
 
 /* The weight of an end of the search, and the square of its distance from a state with a Hessian. */
@@ -149,7 +152,7 @@ static double weight_of_end(const double *state, const double *hessian, const do
         apart[k] = end[k] - state[k];
     }
     *square = quadratic(N_STATES, apart, hessian, apart);
-    return risen(*square - (excess > 0.0 ? excess : 0.0), UNEXPLAINED) * (1.0 - risen(excess, UNLIKELY));
+    return risen(*square - (excess > 0.0 ? excess : 0.0), UNEXPLAINED) * flight_weight_of_excess(excess);
 }
 
 /* The farthest of the states at which the search ended that fits. */

@@ -9,6 +9,11 @@
 /* Whether navigation gives neither p_inf nor q_inf. */
 int flight_pressure_unknown(const FlightSolver *solver);
 
+/* Excess of -2 ln likelihood by which another state is better and takes the place of the solution; and how much another one
+   counts by its excess: wholly up to 16, not at all from 25 on, linearly between. */
+#define BETTER 9.0
+double flight_weight_of_excess(double excess);
+
 /* Widen the covariances of the solution by factors on standard deviations (N_WIDENING). */
 void flight_widen(FlightSolver *solver, const double *widening);
 

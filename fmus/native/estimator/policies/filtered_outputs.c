@@ -270,14 +270,9 @@ static void write_channels(const Filter *filter, size_t channel, size_t count, d
 }
 
 static void write_flight(const Filter *filter, Flight *flight) {
-    const double *factor = filter->factor + STATE_CHANNELS;
     Solution filtered = flight->solver.solution;
     memcpy(filtered.state, filter->mean + STATE_CHANNELS, sizeof filtered.state);
-    for (size_t i = 0; i < N_STATES; i++) {
-        for (size_t j = 0; j < N_STATES; j++) {
-            filtered.widened_covariance[i * N_STATES + j] *= factor[i] * factor[j];
-        }
-    }
+    scale_covariance(N_STATES, filter->factor + STATE_CHANNELS, filtered.widened_covariance);
     flight_air_data(&flight->map, flight->prior_std, &filtered, flight->real, flight->flag);
 }
 

@@ -125,10 +125,6 @@ static void set_loads(Flight *flight) {
     }
 }
 
-static double larger(double a, double b) {
-    return b > a ? b : a;
-}
-
 /* Standard deviations by which u and w leave their ranges: incidence at every roll angle alike, or each range of its
    own. */
 static double crossflow_excess(const FlightMap *map, const double *state, const double *std) {

@@ -34,11 +34,6 @@
 #define PREDICTED 1e2
 #define SAME 0.1
 
-/* Another solution counts wholly up to an excess of -2 ln likelihood of UNLIKELY[0], and not at all from UNLIKELY[1] on.
-   One that is better by more than BETTER takes the place of the solution. */
-#define BETTER 9.0
-static const double UNLIKELY[2] = {16.0, 25.0};
-
 /* Part of the square of a difference that counts as variance: three standard deviations reach half of it beyond. */
 #define PART 0.25
 
@@ -184,11 +179,6 @@ static int find_solutions(FlightSolver *solver, Solutions *all) {
     return 1;
 }
 
-/* 1 below the first of UNLIKELY, 0 above the second. */
-static double weight_of(double excess) {
-    return 1.0 - clipped((excess - UNLIKELY[0]) / (UNLIKELY[1] - UNLIKELY[0]), 0.0, 1.0);
-}
-
 static void add_difference(size_t order, double part, const double *value, const double *other, double *covariance) {
     for (size_t i = 0; i < order; i++) {
         for (size_t j = 0; j < order; j++) {
@@ -204,7 +194,7 @@ static void conclude(FlightSolver *solver, const Solutions *all, size_t best, co
     double part[MOST_OTHERS], loads[MOST_OTHERS][N_LOADS], coefficients[MOST_OTHERS][N_LOADS];
     size_t other[MOST_OTHERS], n_others = 0;
     for (size_t s = 0; s < all->count; s++) {
-        const double weight = weight_of(all->deviance[s] - all->deviance[best]);
+        const double weight = flight_weight_of_excess(all->deviance[s] - all->deviance[best]);
         if (s == best || !(weight > 0.0)) {
             continue;
         }

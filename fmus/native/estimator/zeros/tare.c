@@ -208,45 +208,35 @@ void tare_drop(Tare *tare) {
 
 /* State: flags, the input, counts of the window, then the arrays of zeros and window, which follow each other. */
 
+enum { N_FLAGS = sizeof(TareFlags) / sizeof(double), ARRAYS_AT = sizeof(TareFlags) + sizeof(double) + sizeof(WindowCounts) };
+
 static size_t array_size(const Tare *tare) {
     return (2 * tare->n_gauges + 1 + window_doubles(tare->n_gauges)) * sizeof(double);
 }
 
 size_t tare_state_size(const Tare *tare) {
-    return tare->present ? sizeof tare->flags + sizeof(double) + sizeof(WindowCounts) + array_size(tare) : 0;
+    return tare->present ? ARRAYS_AT + array_size(tare) : 0;
 }
 
 void tare_write_state(const Tare *tare, unsigned char *bytes) {
     const double up = tare->up;
-    if (!tare->present) {
-        return;
+    if (tare->present) {
+        memcpy(bytes, &tare->flags, sizeof tare->flags);
+        memcpy(bytes + sizeof tare->flags, &up, sizeof up);
+        memcpy(bytes + sizeof tare->flags + sizeof up, &tare->window.counts, sizeof tare->window.counts);
+        memcpy(bytes + ARRAYS_AT, tare->zero, array_size(tare));
     }
-    memcpy(bytes, &tare->flags, sizeof tare->flags);
-    bytes += sizeof tare->flags;
-    memcpy(bytes, &up, sizeof up);
-    bytes += sizeof up;
-    memcpy(bytes, &tare->window.counts, sizeof tare->window.counts);
-    memcpy(bytes + sizeof tare->window.counts, tare->zero, array_size(tare));
 }
 
 void tare_read_state(Tare *tare, const unsigned char *bytes) {
-    double up;
-    if (!tare->present) {
-        return;
+    if (tare->present) {
+        memcpy(&tare->flags, bytes, sizeof tare->flags);
+        tare->up = double_at(bytes, N_FLAGS) != 0.0;
+        memcpy(&tare->window.counts, bytes + (N_FLAGS + 1) * sizeof(double), sizeof tare->window.counts);
+        memcpy(tare->zero, bytes + ARRAYS_AT, array_size(tare));
+        tare->verdict = (TareVerdict){0};
+        tare->to_report = 0;
     }
-    memcpy(&tare->flags, bytes, sizeof tare->flags);
-    bytes += sizeof tare->flags;
-    memcpy(&up, bytes, sizeof up);
-    bytes += sizeof up;
-    tare->up = up != 0.0;
-    memcpy(&tare->window.counts, bytes, sizeof tare->window.counts);
-    memcpy(tare->zero, bytes + sizeof tare->window.counts, array_size(tare));
-    tare->verdict = (TareVerdict){0};
-    tare->to_report = 0;
-}
-
-static int is_flag(double value) {
-    return value == 0.0 || value == 1.0;
 }
 
 /* Arrays in the bytes need not be aligned: numbers are copied one by one. */
@@ -254,9 +244,7 @@ static int arrays_fit(const Tare *tare, const unsigned char *bytes) {
     const size_t n = tare->n_gauges;
     int good = 1;
     for (size_t k = 0; k < array_size(tare) / sizeof(double); k++) {
-        double value;
-        memcpy(&value, bytes + k * sizeof value, sizeof value);
-        const double least = k < n ? -tare->largest_zero : 0.0;
+        const double value = double_at(bytes, k), least = k < n ? -tare->largest_zero : 0.0;
         good = good && isfinite(value) && (k > 2 * n || (value >= least && value <= tare->largest_zero));
     }
     return good;
@@ -265,19 +253,15 @@ static int arrays_fit(const Tare *tare, const unsigned char *bytes) {
 int tare_state_fits(const Tare *tare, const unsigned char *bytes) {
     TareFlags flags;
     WindowCounts counts;
-    double up;
     if (!tare->present) {
         return 1;
     }
     memcpy(&flags, bytes, sizeof flags);
-    bytes += sizeof flags;
-    memcpy(&up, bytes, sizeof up);
-    bytes += sizeof up;
-    memcpy(&counts, bytes, sizeof counts);
-    return is_flag(flags.is_up) && is_flag(flags.has_zeros) && is_flag(up)
+    memcpy(&counts, bytes + (N_FLAGS + 1) * sizeof(double), sizeof counts);
+    return is_flag(flags.is_up) && is_flag(flags.has_zeros) && is_flag(double_at(bytes, N_FLAGS))
         && (flags.state == (double)TARE_IDLE || flags.state == (double)TARE_AVERAGING || flags.state == (double)TARE_DONE
             || flags.state == (double)TARE_REFUSED)
-        && window_counts_fit(&counts) && arrays_fit(tare, bytes + sizeof counts);
+        && window_counts_fit(&counts) && arrays_fit(tare, bytes + ARRAYS_AT);
 }
 
 /* Records of a tare: limits that a caller may replace, and the outcome, in the order of the structures TareFlags and
