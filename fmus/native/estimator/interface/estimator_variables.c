@@ -24,7 +24,7 @@ enum { N_RUNS = 28 }; /* at most, with all other loads as one */
 /* All runs; other loads are one whose arrays have sizes of their own. */
 static void list_runs(const Estimator *e, VariableRun run[N_RUNS]) {
     const size_t n = e->map.n_gauges, strains = e->sensors.n_strains, *first = e->inputs.first, ones = e->sensors.count;
-    const size_t flight = e->flight.present, tare = e->tare.present, parameters = e->parameters.count;
+    const size_t flight = e->flight.present ? 1 : 0, tare = e->tare.present ? 1 : 0, parameters = e->parameters.count;
     const VariableRun all[N_RUNS] = {
         {OUTPUT, COEFFICIENTS, 2 * N_LOADS, N_LOADS}, /* with standard deviations; then forces and moments, the same of these */
         {OUTPUT, LOADS, 3, 3},
