@@ -33,8 +33,8 @@ def build_inverse_map(
     snapshots = on_structure(snapshots, structure)
     problem = problem or inverse_problem(vehicle, snapshots, structure, nuisance)
     solution = solve(problem)
-    found = on_observable_states(inverse_map_of(vehicle, snapshots, structure, problem, solution))
-    return with_score_limit(found, problem, solution)
+    inverse_map = on_observable_states(inverse_map_of(vehicle, snapshots, structure, problem, solution))
+    return with_score_limit(inverse_map, problem, solution)
 
 
 def snapshot_coefficients(vehicle: Vehicle, snapshots: Snapshots, loads: FloatArray) -> FloatArray:

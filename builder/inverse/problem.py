@@ -59,7 +59,7 @@ def gauge_noise_covariance(vehicle: Vehicle, snapshots: Snapshots, structure: An
         median = float(np.median(np.abs(net @ structure.strain_operator(entry.of_layout or layout).T)))
     n_d = len(structure.layouts[layout].names)
     return gauge_covariance(entry, n_d, median, vehicle.beside("")) + np.diag(
-        np.sum([one**2 for one in reading_std(vehicle.recorder, n_d).values()], axis=0)
+        np.sum([std**2 for std in reading_std(vehicle.recorder, n_d).values()], axis=0)
     )
 
 
@@ -94,13 +94,13 @@ def check_other_loads(vehicle: Vehicle) -> None:
     other_load_operator(surface, vehicle.map, vehicle.reference_quantities().moment_station)
 
 
-def _terms_of_readings(vehicle: Vehicle, structure: AnyStructure, own: FloatArray) -> list[NoiseTerm]:
-    """Return the noise ``own`` (n_d, n_d) of the gauges, modes of its file, and common errors of readings."""
+def _terms_of_readings(vehicle: Vehicle, structure: AnyStructure, covariance: FloatArray) -> list[NoiseTerm]:
+    """Return the noise ``covariance`` (n_d, n_d) of the gauges, modes of its file, and common errors."""
     layout, file = structure.layouts[vehicle.gauges.layout], vehicle.noise.nuisance_file
     nuisance = [] if file is None else nuisance_terms(vehicle.beside(file), layout.names)
     along = mesh_of(structure.surface).point[:, 0]
     aft = (layout.position[:, 0] - along.min()) / np.ptp(along)
-    return [gauge_noise(own), *nuisance, *recorder_terms(vehicle.recorder, aft)]
+    return [gauge_noise(covariance), *nuisance, *recorder_terms(vehicle.recorder, aft)]
 
 
 def inverse_problem(
@@ -108,7 +108,7 @@ def inverse_problem(
     snapshots: Snapshots,
     structure: AnyStructure,
     nuisance: Sequence[NoiseTerm] = (),
-    left: Sequence[HardwareError] = (),
+    remaining_errors: Sequence[HardwareError] = (),
 ) -> Problem:
     """Return what the map of the layout in use is solved from.
 
@@ -118,7 +118,7 @@ def inverse_problem(
     snapshots : surface pressure at the flight conditions.
     structure : strain per pressure.
     nuisance : other noise terms, such as thermal strain.
-    left : other errors in proportion to strain, such as what a ground test left.
+    remaining_errors : other errors in proportion to strain, such as what a ground test left.
 
     Raises
     ------
@@ -128,31 +128,31 @@ def inverse_problem(
     snapshots = on_structure(snapshots, structure)
     z_p = structure.strain_operator(vehicle.gauges.layout)
     ensemble = ensemble_of(vehicle, snapshots)
-    own = gauge_noise_covariance(vehicle, snapshots, structure)
-    mesh = _mesh_error(vehicle, structure, ensemble, np.sqrt(np.diag(own)))
+    covariance = gauge_noise_covariance(vehicle, snapshots, structure)
+    mesh = _mesh_error(vehicle, structure, ensemble, np.sqrt(np.diag(covariance)))
     thermal = thermal_map(vehicle)
     by_inertia = None if vehicle.mass is None else strain_by_inertia(vehicle, vehicle.mass)
     inertia = inertia_map(vehicle, by_inertia)
     errors = hardware_errors(vehicle, structure, z_p, ensemble, modulus_std=modulus_std(thermal))
-    errors += [*left, *inertia_errors(vehicle, by_inertia, ensemble, structure.surface)]
+    errors += [*remaining_errors, *inertia_errors(vehicle, by_inertia, ensemble, structure.surface)]
     errors += scan_errors(vehicle.recorder, z_p, ensemble)
     if mesh is not None and vehicle.noise.model == "default":
         errors += mesh.terms()
     terms = [
-        *_terms_of_readings(vehicle, structure, own),
+        *_terms_of_readings(vehicle, structure, covariance),
         *hardware_terms(vehicle, errors, ensemble, z_p),
         *thermal_terms(vehicle, thermal),
         *inertia_terms(vehicle, inertia, by_inertia),
         *nuisance,
     ]
-    sensors = sensor_set(vehicle, structure, ensemble, own)
+    sensors = sensor_set(vehicle, structure, ensemble, covariance)
     if sensors is not None:
         terms = joined_terms(terms, errors, sensors, ensemble)
         errors = joined_errors(errors, sensors, len(z_p), ensemble)
         z_p = np.vstack([z_p, sensors.operator])
     surface, station = structure.surface, vehicle.reference_quantities().moment_station
-    others = other_load_operator(surface, vehicle.map, station)
-    loads = np.vstack([load_operator_on(surface, station), others])
+    other_loads = other_load_operator(surface, vehicle.map, station)
+    loads = np.vstack([load_operator_on(surface, station), other_loads])
     between, off, leeward = flows_between(vehicle, snapshots), None, None
     if ensemble.grid is None and vehicle.noise.model == "default":
         leeward = leeward_fields(vehicle, snapshots, ensemble)
@@ -201,14 +201,16 @@ def _difference_of_fourier_model(vehicle: Vehicle, structure: MappedStructure) -
     layout, grid = vehicle.gauges.layout, grid_of(structure.surface)
     if grid is None or layout not in vehicle.gauges.layouts:
         return None
-    own = vehicle.resolution.map
-    length = min(own.element_length_mm, 1e3 * ELEMENT_FRACTION * vehicle.body().length)
-    fine = own.model_copy(update={"element_length_mm": length, "wall_layers": max(2, own.wall_layers)})
+    resolution = vehicle.resolution.map
+    length = min(resolution.element_length_mm, 1e3 * ELEMENT_FRACTION * vehicle.body().length)
+    fine = resolution.model_copy(
+        update={"element_length_mm": length, "wall_layers": max(2, resolution.wall_layers)}
+    )
     try:
-        other = structural_model_on(vehicle, grid, fine, [layout])
+        fine_structure = structural_model_on(vehicle, grid, fine, [layout])
     except InputError:
         return None
-    return other.strain_operator(layout) - structure.strain_operator(layout)
+    return fine_structure.strain_operator(layout) - structure.strain_operator(layout)
 
 
 def on_structure(snapshots: Snapshots, structure: AnyStructure) -> Snapshots:

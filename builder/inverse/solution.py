@@ -135,20 +135,20 @@ def solve(problem: Problem) -> Solution:
 
 def _solve_case_1(problem: Problem) -> Solution:
     modes, states, choice = ordered_modes(problem)
-    kept = len(states)
+    n_states = len(states)
     strain_of_modes = problem.strain_operator @ modes.modes
-    noise = _with_truncated(problem, modes, kept, strain_of_modes)
-    std, z = modes.coefficient_std[:kept], strain_of_modes[:, :kept]
+    noise = _with_truncated(problem, modes, n_states, strain_of_modes)
+    std, z = modes.coefficient_std[:n_states], strain_of_modes[:, :n_states]
     solved = least_squares_map(z, _mean_strain(problem, modes.mean), noise.covariance, std)
     # The published scaling: 100 um/m per gauge, states in units of their root mean square norm over the snapshots.
     relative = relative_condition(
         z, strain_norm=1e-4 * np.sqrt(len(z)), state_norm=1.0, state_scale=float(np.linalg.norm(std))
     )
     facts = {
-        "modes": kept,
+        "modes": n_states,
         "modes_skipped": [mode + 1 for mode in range(states[-1]) if mode not in states],
         "mode_choice": choice,
-        "energy_of_modes": float(modes.energy[kept - 1]),
+        "energy_of_modes": float(modes.energy[n_states - 1]),
         "condition_number": solved.condition_number,
         "relative_condition_number": relative.value,
         "relative_condition_scaling": relative.scaling,
@@ -157,9 +157,9 @@ def _solve_case_1(problem: Problem) -> Solution:
         solved=solved,
         noise=noise,
         mean=modes.mean,
-        field_modes=modes.modes[:, :kept],
+        field_modes=modes.modes[:, :n_states],
         facts=facts,
-        unresolved=_unresolved(problem, modes, kept),
+        unresolved=_unresolved(problem, modes, n_states),
     )
 
 
@@ -269,15 +269,18 @@ def mode_choice(problem: Problem, modes: PressureModes) -> tuple[list[int], dict
     whitening = inverse_root(NoiseModel(problem.noise).covariance)
     whitened = [problem.noise[0].whitened(of_modes), whitening @ of_modes]
     bases = [np.empty((n_gauges, 0))] * 2
-    kept: list[int] = []
+    states: list[int] = []
     left_out: list[dict[str, Any]] = []
     for mode in range(available):
-        if len(kept) >= wanted:
+        if len(states) >= wanted:
             break
-        new = [one[:, mode] - basis @ (basis.T @ one[:, mode]) for one, basis in zip(whitened, bases, strict=True)]
+        new = [
+            columns[:, mode] - basis @ (basis.T @ columns[:, mode])
+            for columns, basis in zip(whitened, bases, strict=True)
+        ]
         over_noise, over_errors = sizes = [float(np.linalg.norm(part)) for part in new]
         if over_noise >= MIN_STRAIN_OVER_NOISE and over_errors >= MIN_STRAIN_OVER_ERRORS:
-            kept.append(mode)
+            states.append(mode)
             bases = [np.column_stack([b, part / size]) for b, part, size in zip(bases, new, sizes, strict=True)]
         else:
             left_out.append(
@@ -288,9 +291,9 @@ def mode_choice(problem: Problem, modes: PressureModes) -> tuple[list[int], dict
                     "strain_over_errors": over_errors,
                 }
             )
-    if not kept:
+    if not states:
         raise InputError(f"map.modes: the {n_gauges} gauges observe none of the {available} modes")
-    return kept, choice_record(wanted, [mode + 1 for mode in kept], left_out)
+    return states, choice_record(wanted, [mode + 1 for mode in states], left_out)
 
 
 def _whole_prior(problem: Problem) -> LowRankPrior:
@@ -301,23 +304,27 @@ def _whole_prior(problem: Problem) -> LowRankPrior:
     return prior_of_modes(modes, modes.modes.shape[1])
 
 
-def _with_truncated(problem: Problem, modes: PressureModes, kept: int, strain_of_modes: FloatArray) -> NoiseModel:
-    if not problem.with_truncated_modes or kept == modes.modes.shape[1]:
+def _with_truncated(
+    problem: Problem, modes: PressureModes, n_states: int, strain_of_modes: FloatArray
+) -> NoiseModel:
+    if not problem.with_truncated_modes or n_states == modes.modes.shape[1]:
         return NoiseModel(problem.noise)
     load_of_modes = problem.load_operator @ modes.modes
-    return NoiseModel((*problem.noise, truncated_modes(strain_of_modes, load_of_modes, modes, kept)))
+    return NoiseModel((*problem.noise, truncated_modes(strain_of_modes, load_of_modes, modes, n_states)))
 
 
-def _unresolved(problem: Problem, modes: PressureModes, kept: int) -> FloatArray | None:
-    """Return (n_p,) variance of the pressure of the modes beyond ``kept``, where the map is to hold the field."""
+def _unresolved(problem: Problem, modes: PressureModes, n_states: int) -> FloatArray | None:
+    """Return (n_p,) variance of the pressure of the modes beyond ``n_states``, where the map has the field."""
     if not problem.entry.keep_field:
         return None
-    variance = modes.coefficient_std[kept:] ** 2
-    found = np.asarray(np.einsum("pm,pm,m->p", modes.modes[:, kept:], modes.modes[:, kept:], variance))
+    variance = modes.coefficient_std[n_states:] ** 2
+    unresolved = np.asarray(
+        np.einsum("pm,pm,m->p", modes.modes[:, n_states:], modes.modes[:, n_states:], variance)
+    )
     for fields in (problem.off_the_snapshots, problem.leeward):
         if fields is not None:
-            found += np.sum(fields**2, axis=0)
-    return found
+            unresolved += np.sum(fields**2, axis=0)
+    return unresolved
 
 
 def _mean_strain(problem: Problem, mean: FloatArray) -> FloatArray:

@@ -102,14 +102,14 @@ def _errors(problem: Problem, solution: Solution) -> dict[str, Any]:
     if problem.inertia is not None:
         rest = fixed_covariance(terms, (INERTIA, VIBRATION_MODES, TEMPERATURE))
         modes["inertia"] = replace(problem.inertia, rest_covariance=rest)
-    own = [term.strain**2 for term in terms if term.scales and term.is_own]
+    squares = [term.strain**2 for term in terms if term.scales and term.is_own]
     common = [term for term in terms if term.scales and not term.is_own]
     n_gauges, n_loads = len(problem.strain_operator), len(problem.load_operator)
     columns = [np.zeros((n_gauges + n_loads, 0)), *(term.strain_and_load(n_loads) for term in common)]
     strain, load = np.split(fewest_columns(np.hstack(columns), problem.noise[0].covariance), [n_gauges])
     return {
         "gauge_covariance": fixed_covariance(terms),
-        "own_error_strain": np.sqrt(np.sum(own, axis=0)) if own else np.zeros(0),
+        "own_error_strain": np.sqrt(np.sum(squares, axis=0)) if squares else np.zeros(0),
         "error_strain": strain,
         "error_load": load,
         **modes,
@@ -217,6 +217,6 @@ def _with_hidden(inverse_map: InverseMap, observable: FloatArray) -> NDArray[np.
     ones.
     """
     field, std = inverse_map.field_modes, inverse_map.field_std
-    kept = field @ observable.astype(np.float32)
-    hidden = np.einsum("pq,pq->p", field, field) - np.einsum("pq,pq->p", kept, kept)
+    observed = field @ observable.astype(np.float32)
+    hidden = np.einsum("pq,pq->p", field, field) - np.einsum("pq,pq->p", observed, observed)
     return np.sqrt(std**2 + np.maximum(hidden, 0.0)).astype(np.float32)

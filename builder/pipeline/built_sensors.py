@@ -40,34 +40,34 @@ class FlownSensors:
         """(n_s,) standard deviations of the noise [unit]."""
         return np.array([row.std for row in self.rows])
 
-    def built(self, built: AsBuilt, random: np.random.Generator | None) -> BuiltSensors:
-        """Return the sensors of a vehicle as ``built``, their own errors drawn; without errors of theirs for None.
+    def built(self, as_built: AsBuilt, random: np.random.Generator | None) -> BuiltSensors:
+        """Return the sensors of a vehicle ``as_built``, their own errors drawn; without errors of theirs for None.
 
         Errors of the wall, and of the pressure inside, are the errors of the gauges.
         """
         vehicle, rows, entry = self.vehicle, self.rows, self.vehicle.sensors
         assert entry is not None
-        own = self._draws(random, [*(f"gain {row.name}" for row in rows), *_names(rows), *_NUISANCES])
+        draws = self._draws(random, [*(f"gain {row.name}" for row in rows), *_names(rows), *_NUISANCES])
         noise = vehicle.noise
         of_wall = {
-            "common gain": _over(built.common_gain, PERCENT * noise.common_gain_percent),
-            "wall thickness": _over(built.wall_thickness, PERCENT * noise.wall_thickness_percent),
+            "common gain": _over(as_built.common_gain, PERCENT * noise.common_gain_percent),
+            "wall thickness": _over(as_built.wall_thickness, PERCENT * noise.wall_thickness_percent),
         }
         operator = np.array(
             [
-                row.operator * (1.0 + row.gain * own[f"gain {row.name}"])
-                + sum(own[name] * error for name, error in row.errors.items())
+                row.operator * (1.0 + row.gain * draws[f"gain {row.name}"])
+                + sum(draws[name] * error for name, error in row.errors.items())
                 + sum(of_wall[name] * error for name, error in row.shared.items())
                 for row in rows
             ]
         )
         response = sensor_response(operator, self.surface, vehicle.resolution.truth.harmonics)
         per_force = np.array([row.per_axial_force for row in rows])
-        inside = np.array([row.follows_inside for row in rows]) * float(np.mean(built.internal_pressure))
-        suction = 1.0 - entry.base_pressure_ratio + PERCENT * entry.base_pressure_percent * own["base pressure"]
-        friction = entry.friction_C_A + entry.friction_C_A_std * own["friction"]
-        thrust = 0.0 if entry.imu is None else entry.imu.thrust_std_N * own[THRUST]
-        drift = [sum(std * own[name] for name, std in row.drift.items()) for row in rows]
+        inside = np.array([row.follows_inside for row in rows]) * float(np.mean(as_built.internal_pressure))
+        suction = 1.0 - entry.base_pressure_ratio + PERCENT * entry.base_pressure_percent * draws["base pressure"]
+        friction = entry.friction_C_A + entry.friction_C_A_std * draws["friction"]
+        thrust = 0.0 if entry.imu is None else entry.imu.thrust_std_N * draws[THRUST]
+        drift = [sum(std * draws[name] for name, std in row.drift.items()) for row in rows]
         return BuiltSensors(
             names=tuple(row.name for row in rows),
             kind=tuple(row.kind for row in rows),
@@ -83,8 +83,8 @@ class FlownSensors:
 
     def _draws(self, random: np.random.Generator | None, names: Sequence[str]) -> dict[str, float]:
         """Return standard normal numbers by name, 0 without ``random``."""
-        drawn = np.zeros(len(names)) if random is None else random.standard_normal(len(names))
-        return dict(zip(names, drawn.tolist(), strict=True))
+        normal = np.zeros(len(names)) if random is None else random.standard_normal(len(names))
+        return dict(zip(names, normal.tolist(), strict=True))
 
 
 _NUISANCES = ("base pressure", "friction", THRUST)

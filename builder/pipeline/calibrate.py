@@ -96,7 +96,7 @@ class Calibration:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class CalibrationParts:
-    """What a calibration starts from: the map as ``drawn``, and what it was made from.
+    """What a calibration starts from: ``map_as_drawn``, and what it was made from.
 
     ``independent`` sets alarm levels; without it they are the levels of the map as drawn.
     """
@@ -104,7 +104,7 @@ class CalibrationParts:
     vehicle: Vehicle
     snapshots: Snapshots
     structure: AnyAsBuilt
-    drawn: InverseMap
+    map_as_drawn: InverseMap
     independent: IndependentModel | None = None
 
 
@@ -162,12 +162,12 @@ def calibrate(
     map_path, test_path, output, reporter = Path(inverse_map), Path(test), Path(output), reporter_of(progress)
     vehicle_path = None if vehicle is None else Path(vehicle)
     check_output(output)
-    drawn, file = load_inverse_map(map_path), read_test_file(test_path)
-    loaded = _vehicle(file, vehicle_path, drawn, map_path)
+    map_as_drawn, file = load_inverse_map(map_path), read_test_file(test_path)
+    loaded = _vehicle(file, vehicle_path, map_as_drawn, map_path)
     snapshots_path = _beside(map_path, SNAPSHOTS, snapshots, cached_snapshots, loaded, reporter)
     pressures = load_snapshots(snapshots_path)
     refuse_misfits(snapshots_path, vehicle_misfits(pressures, loaded))
-    readings, notes = read_load_test(file, drawn.gauge_names)
+    readings, notes = read_load_test(file, map_as_drawn.gauge_names)
     with reporter.stage("Structure: what may differ as built") as advance:
         if loaded.structure.model == "solid":
             solid = load_structure(_beside(map_path, STRUCTURE, structure, cached_structure, loaded, reporter))
@@ -175,12 +175,12 @@ def calibrate(
         else:
             highest, within = harmonics_of_test(readings)
             tested = structure_of_test(loaded, max_harmonic=highest, harmonic_within=within, progress=advance)
-    if tested.gauges.names != drawn.gauge_names:
+    if tested.gauges.names != map_as_drawn.gauge_names:
         raise InputError(f"{map_path}: gauges are not the gauges of layout '{loaded.gauges.layout}'")
     flown = as_flown(loaded, pressures)
     independent, missing = _independent_model(flown, tested, snapshots_path.with_name(FLOWS), reporter)
     parts = CalibrationParts(
-        vehicle=loaded, snapshots=pressures, structure=tested, drawn=drawn, independent=independent
+        vehicle=loaded, snapshots=pressures, structure=tested, map_as_drawn=map_as_drawn, independent=independent
     )
     made = calibration_by(readings, test_path, parts, reporter, accept)
     zeros = zeros_beside(output)
@@ -208,14 +208,14 @@ def calibrate(
 def _beside(
     map_path: Path,
     name: str,
-    given: str | Path | None,
+    stated: str | Path | None,
     cached: Callable[[Vehicle], Path | None],
     vehicle: Vehicle,
     reporter: Reporter,
 ) -> Path:
-    """Return the file ``given``, or the file ``name`` next to the map, or the one that another command left."""
-    path = Path(given or map_path.parent / name)
-    if given is None and not path.exists() and (file := cached(vehicle)) is not None:
+    """Return the file ``stated``, or the file ``name`` next to the map, or the one that another command left."""
+    path = Path(stated or map_path.parent / name)
+    if stated is None and not path.exists() and (file := cached(vehicle)) is not None:
         reporter.note(f"{name}: from {file.parent}, reused")
         return file
     return path
@@ -230,10 +230,10 @@ def write_calibration(
     the calibration was made from.
     """
     findings = findings_of(made, parts, file, files)
-    found = verdict(findings)
+    test_verdict = verdict(findings)
     known = with_zeros(made.inverse_map, made.estimate)
-    facts = {**known.provenance["calibration"], "verdict": found.facts}
-    made = replace(made, inverse_map=with_provenance(known, facts), verdict=found)
+    facts = {**known.provenance["calibration"], "verdict": test_verdict.facts}
+    made = replace(made, inverse_map=with_provenance(known, facts), verdict=test_verdict)
     save_inverse_map(made.inverse_map, output)
     return made, *write_report(findings, output)
 
@@ -260,18 +260,18 @@ def zeros_beside(output: Path) -> Path:
     return output.with_name(f"{output.stem}{ZEROS}")
 
 
-def with_zeros(inverse_map: InverseMap, found: Estimate) -> InverseMap:
+def with_zeros(inverse_map: InverseMap, estimate: Estimate) -> InverseMap:
     """Return ``inverse_map`` with the zero offsets that a test found; their covariance is part of its noise."""
-    zero, after = np.zeros(inverse_map.n_gauges), remaining_after(found).parameters
+    zero, after = np.zeros(inverse_map.n_gauges), remaining_after(estimate).parameters
     zero[: after.n_gauges] = after.zero
     return replace(inverse_map, zero_offset=zero)
 
 
-def write_zeros_of(found: Estimate, path: Path, map_name: str) -> None:
+def write_zeros_of(estimate: Estimate, path: Path, map_name: str) -> None:
     """Write the zeros that a test found, as zeros.toml; their covariance stands in the map, and is 0 here."""
-    after = remaining_after(found).parameters
+    after = remaining_after(estimate).parameters
     zeros = GaugeZeros(value=after.zero, std=np.zeros(after.n_gauges))
-    write_zeros(path, found.model.structure.gauges.names, zeros, {"calibration": map_name})
+    write_zeros(path, estimate.model.structure.gauges.names, zeros, {"calibration": map_name})
 
 
 def calibration_by(
@@ -289,26 +289,26 @@ def calibration_by(
     vehicle, structure = parts.vehicle, parts.structure
     prior = prior_of_test(vehicle, structure)
     with reporter.stage("Estimate: the vehicle as built"), _naming(test_path):
-        found, faults = calibrate_with_faults(ReadingsModel(structure, test, prior))
-        outside = outside_model(found)
-    against = unexplained(found, outside, faults)
+        estimate, faults = calibrate_with_faults(ReadingsModel(structure, test, prior))
+        outside = outside_model(estimate)
+    against = unexplained(estimate, outside, faults)
     if against and not accept:
-        for line in (*(fault.line for fault in faults), *outside.lines, *remarks(found)):
+        for line in (*(fault.line for fault in faults), *outside.lines, *remarks(estimate)):
             reporter.note(line)
         raise StrainfmuError(f"{test_path}: load test: {against}; no map written, --accept writes it")
     with reporter.stage("Map of the vehicle as built"):
         try:
-            made = _map(parts, found)
+            made = _map(parts, estimate)
         except InputError as error:
-            if found.agrees:
+            if estimate.agrees:
                 raise
-            raise InputError(f"{test_path}: load test: {found.far_off}") from error
-    made = with_levels(made, parts, remaining_after(found), reporter)
-    facts = _facts(found, faults, outside, test_path) | ({"accepted": against} if against else {})
+            raise InputError(f"{test_path}: load test: {estimate.far_off}") from error
+    made = with_levels(made, parts, remaining_after(estimate), reporter)
+    facts = _facts(estimate, faults, outside, test_path) | ({"accepted": against} if against else {})
     notes = (f"accepted: {against}",) if against else ()
     made = with_provenance(made, facts)
     return Calibration(
-        inverse_map=made, estimate=found, faults=faults, outside=outside, notes=notes, accepted=against
+        inverse_map=made, estimate=estimate, faults=faults, outside=outside, notes=notes, accepted=against
     )
 
 
@@ -331,9 +331,9 @@ def check_output(path: Path) -> None:
     """
     if path.suffix in (PAGE, PDF):
         raise InputError(f"{path}: --output: expected another suffix than {path.suffix}, which is the report's")
-    for one in (path, *report_files(path), zeros_beside(path)):
-        if one.is_dir():
-            raise InputError(f"{one}: is a folder, must be a file")
+    for target in (path, *report_files(path), zeros_beside(path)):
+        if target.is_dir():
+            raise InputError(f"{target}: is a folder, must be a file")
 
 
 def named_vehicle(file: LoadTestFile, path: Path | None) -> Path:
@@ -351,31 +351,31 @@ def named_vehicle(file: LoadTestFile, path: Path | None) -> Path:
     return file.beside(file.vehicle)
 
 
-def _vehicle(file: LoadTestFile, path: Path | None, drawn: InverseMap, map_path: Path) -> Vehicle:
+def _vehicle(file: LoadTestFile, path: Path | None, map_as_drawn: InverseMap, map_path: Path) -> Vehicle:
     """Return the vehicle with the map options of the map that is calibrated."""
     vehicle = load_vehicle(named_vehicle(file, path))
-    if vehicle.name != drawn.vehicle:
-        raise InputError(f"{map_path}: expected a map of '{vehicle.name}', got one of '{drawn.vehicle}'")
-    if drawn.form != vehicle.map.form or drawn.case != vehicle.map.case:
+    if vehicle.name != map_as_drawn.vehicle:
+        raise InputError(f"{map_path}: expected a map of '{vehicle.name}', got one of '{map_as_drawn.vehicle}'")
+    if map_as_drawn.form != vehicle.map.form or map_as_drawn.case != vehicle.map.case:
         raise InputError(
             f"{map_path}: expected map.case {vehicle.map.case} and form '{vehicle.map.form}' of the vehicle file, "
-            f"got {drawn.case} and '{drawn.form}'"
+            f"got {map_as_drawn.case} and '{map_as_drawn.form}'"
         )
-    if "calibration" in drawn.provenance:
+    if "calibration" in map_as_drawn.provenance:
         raise InputError(f"{map_path}: already calibrated; expected the map that the vehicle file makes")
-    estimator = "linear" if drawn.manifold is None else "nonlinear"
+    estimator = "linear" if map_as_drawn.manifold is None else "nonlinear"
     return vehicle.model_copy(update={"map": vehicle.map.model_copy(update={"estimator": estimator})})
 
 
-def _map(parts: CalibrationParts, found: Estimate) -> InverseMap:
+def _map(parts: CalibrationParts, estimate: Estimate) -> InverseMap:
     """Return the calibrated map with the alarm levels of the theory."""
     vehicle = parts.vehicle
-    others: dict[str, FloatArray] = {}
+    operators: dict[str, FloatArray] = {}
     named = vehicle.noise.of_layout
     if named not in (None, vehicle.gauges.layout) and isinstance(parts.structure, AsBuiltStructure):
         assert named is not None
-        others[named] = structural_model(vehicle, vehicle.resolution.map, [named]).strain_operator(named)
-    return calibrated_map(vehicle, parts.snapshots, parts.structure, remaining_after(found), others)
+        operators[named] = structural_model(vehicle, vehicle.resolution.map, [named]).strain_operator(named)
+    return calibrated_map(vehicle, parts.snapshots, parts.structure, remaining_after(estimate), operators)
 
 
 def _independent_model(
@@ -402,7 +402,7 @@ def with_levels(made: InverseMap, parts: CalibrationParts, remaining: Remaining,
     """
     model, vehicle = parts.independent, as_flown(parts.vehicle, parts.snapshots)
     if model is None or not isinstance(parts.structure, AsBuiltStructure):
-        return with_levels_of(made, parts.drawn)
+        return with_levels_of(made, parts.map_as_drawn)
     world = World(
         vehicle=calibrated_vehicle(vehicle), structure=model.structure, flows=model.flows, inverse_map=made
     )
@@ -410,49 +410,55 @@ def with_levels(made: InverseMap, parts: CalibrationParts, remaining: Remaining,
     return with_measured_levels(world, reporter, fly=fly)
 
 
-def with_levels_of(made: InverseMap, drawn: InverseMap) -> InverseMap:
+def with_levels_of(made: InverseMap, map_as_drawn: InverseMap) -> InverseMap:
     """Return ``made`` with the factors on alarm levels of the map as drawn, with the factors of its tables."""
-    found = replace(
+    levelled = replace(
         made,
-        chi_square_scale=drawn.chi_square_scale,
-        outlier_scale=drawn.outlier_scale,
-        level_slope=drawn.level_slope,
+        chi_square_scale=map_as_drawn.chi_square_scale,
+        outlier_scale=map_as_drawn.outlier_scale,
+        level_slope=map_as_drawn.level_slope,
     )
-    if made.manifold is None or drawn.manifold is None:
-        return found
+    if made.manifold is None or map_as_drawn.manifold is None:
+        return levelled
     tables = replace(
         made.manifold,
-        chi_square_scale=drawn.manifold.chi_square_scale,
-        outlier_scale=drawn.manifold.outlier_scale,
-        shape_scale=drawn.manifold.shape_scale,
+        chi_square_scale=map_as_drawn.manifold.chi_square_scale,
+        outlier_scale=map_as_drawn.manifold.outlier_scale,
+        shape_scale=map_as_drawn.manifold.shape_scale,
     )
-    return replace(found, manifold=tables)
+    return replace(levelled, manifold=tables)
 
 
-def _facts(found: Estimate, faults: tuple[Fault, ...], outside: OutsideModel, test_path: Path) -> dict[str, Any]:
+def _facts(
+    estimate: Estimate, faults: tuple[Fault, ...], outside: OutsideModel, test_path: Path
+) -> dict[str, Any]:
     """Return what the map's provenance says of the calibration."""
-    part, sigma = found.parameters, found.std
+    part, sigma = estimate.parameters, estimate.std
     where = slices(part.counts)
     return {
         "test": test_path.name,
-        "cases": [case.name for k, case in enumerate(found.model.test.cases) if found.used[k].any()],
-        "readings": found.n_readings,
-        "chi_square_per_reading": found.per_reading,
-        "squared_distance_from_priors": found.from_priors,
-        "faults": [one.line for one in faults],
+        "cases": [case.name for k, case in enumerate(estimate.model.test.cases) if estimate.used[k].any()],
+        "readings": estimate.n_readings,
+        "chi_square_per_reading": estimate.per_reading,
+        "squared_distance_from_priors": estimate.from_priors,
+        "faults": [fault.line for fault in faults],
         "outside_the_model": list(outside.lines),
-        "remarks": list(remarks(found)),
-        "changed_since": dict(found.model.test.changed),
+        "remarks": list(remarks(estimate)),
+        "changed_since": dict(estimate.model.test.changed),
         "mass_percent": round(100.0 * float(part.mass[0]), 4),
-        "load_cell_percent": (100.0 * found.vector[found.model.cell_entries][: len(found.model.cells)])
+        "load_cell_percent": (100.0 * estimate.vector[estimate.model.cell_entries][: len(estimate.model.cells)])
         .round(4)
         .tolist(),
         "zero_um_per_m": (1e6 * part.zero).round(6).tolist(),
         "zero_std_um_per_m": (1e6 * sigma[where[ZERO]]).round(6).tolist(),
         "wall_thickness_percent": (100.0 * part.wall_thickness).round(4).tolist(),
         "sigma_before_over_after": {
-            kind: float(np.sqrt(np.mean(found.model.std[at] ** 2) / max(float(np.mean(sigma[at] ** 2)), 1e-300)))
-            for kind, at in where.items()
-            if found.model.std[at].any()
+            kind: float(
+                np.sqrt(
+                    np.mean(estimate.model.std[entries] ** 2) / max(float(np.mean(sigma[entries] ** 2)), 1e-300)
+                )
+            )
+            for kind, entries in where.items()
+            if estimate.model.std[entries].any()
         },
     }

@@ -38,7 +38,7 @@ def report_files(output: Path) -> tuple[Path, Path, Path]:
 
 
 def calibration_findings(
-    found: Estimate,
+    estimate: Estimate,
     faults: tuple[Fault, ...],
     outside: OutsideModel,
     *,
@@ -62,19 +62,19 @@ def calibration_findings(
         A file cannot be read.
     """
     station = vehicle.reference.moment_station_m
-    equations = load_equations(found, station)
-    drawn = calibrated_structure(structure, structure.exactly_built(), vehicle.gauges.layout, {})
-    parts = PlanParts(vehicle=vehicle, snapshots=snapshots, structure=drawn, as_built=structure)
+    equations = load_equations(estimate, station)
+    nominal = calibrated_structure(structure, structure.exactly_built(), vehicle.gauges.layout, {})
+    parts = PlanParts(vehicle=vehicle, snapshots=snapshots, structure=nominal, as_built=structure)
     return CalibrationFindings(
         title=f"{vehicle.name}: calibration by the ground test '{file.name}'",
-        found=found,
+        estimate=estimate,
         faults=faults,
         outside=outside,
-        left_out=tuple(cross_validation(found)),
+        left_out=tuple(cross_validation(estimate)),
         equations=tuple(equations),
-        checks=tuple(check_loads(found, equations, station)),
-        steps=tuple(stepped_cases(found.model.test)),
-        worth=worth_of_test(parts, found),
+        checks=tuple(check_loads(estimate, equations, station)),
+        steps=tuple(stepped_cases(estimate.model.test)),
+        worth=worth_of_test(parts, estimate),
         origin=origin_of(input_files({**files, **recorded_files(file)})),
         tested_on="" if file.tested_on is None else file.tested_on.isoformat(),
         cells=used_cells(file),
@@ -84,25 +84,25 @@ def calibration_findings(
 
 def recorded_files(file: LoadTestFile) -> dict[str, Path]:
     """Return the file of a test, its recordings and their channels, by what they are."""
-    found = {"file of the test": file.path}
+    files = {"file of the test": file.path}
     names = [(case.recording or file.readings.recording, "recording") for case in file.case]
     names += [(file.readings.channels, "channels of the recording")]
     names += [(case.channels, "channels of the recording") for case in file.case]
-    distinct = [one for one in dict.fromkeys(names) if one[0] is not None]
+    distinct = [entry for entry in dict.fromkeys(names) if entry[0] is not None]
     for name, what in distinct:
-        found[f"{what} {name}"] = file.beside(str(name))
-    return found
+        files[f"{what} {name}"] = file.beside(str(name))
+    return files
 
 
 def used_cells(file: LoadTestFile) -> tuple[UsedCell, ...]:
     """Return the load cells that the file states or its loads name."""
     read = [load.load_cell for case in file.case for load in case.load if load.kind not in NO_LOAD_CELL]
     stated = {cell.name: cell for cell in file.load_cell}
-    found = []
+    cells = []
     for name in dict.fromkeys([*stated, *read]):
         cell = stated.get(name)
         on = None if cell is None else cell.calibrated_on
-        found.append(
+        cells.append(
             UsedCell(
                 name=name,
                 serial_number="" if cell is None else cell.serial_number or "",
@@ -110,10 +110,10 @@ def used_cells(file: LoadTestFile) -> tuple[UsedCell, ...]:
                 loads=read.count(name),
             )
         )
-    return tuple(found)
+    return tuple(cells)
 
 
-def write_report(one: CalibrationFindings, output: Path) -> tuple[tuple[Path, ...], tuple[str, ...]]:
+def write_report(findings: CalibrationFindings, output: Path) -> tuple[tuple[Path, ...], tuple[str, ...]]:
     """Write the report next to the map at ``output``; return its files, and lines for the user.
 
     Raises
@@ -122,9 +122,9 @@ def write_report(one: CalibrationFindings, output: Path) -> tuple[tuple[Path, ..
         A file could not be written.
     """
     page_path, pdf_path, equations_path = report_files(output)
-    page = calibration_page(one)
+    page = calibration_page(findings)
     write_page(page, page_path)
-    table = equations_table(one.found, one.equations)
+    table = equations_table(findings.estimate, findings.equations)
     write_bytes_atomically(equations_path, table_csv(table).encode("utf-8"))
     line = without_packages(page_path.name)
     if line:

@@ -64,23 +64,23 @@ def equations(test: str | Path, output: str | Path = "equations.h5", *, accept: 
     test, output = Path(test), Path(output)
     check_output(output)
     file = equations_file(test)
-    found = fit_equations(applied_test(file))
-    made = equations_map(found)
+    fitted = fit_equations(applied_test(file))
+    made = equations_map(fitted)
     page_path, pdf_path, csv_path = report_files(output)
-    page = equations_page(found, origin_of(input_files({"file": file.path, "table": file.table_path})))
+    page = equations_page(fitted, origin_of(input_files({"file": file.path, "table": file.table_path})))
     write_page(page, page_path)
-    write_bytes_atomically(csv_path, table_csv(equations_table_of(found)).encode("utf-8"))
+    write_bytes_atomically(csv_path, table_csv(equations_table_of(fitted)).encode("utf-8"))
     files, line = [page_path, csv_path], without_packages(page_path.name)
     if not line:
         from builder.reports.page.pdf import write_pdf
 
         write_pdf(page, pdf_path)
         files.append(pdf_path)
-    good, reasons = verdict_lines(found)
+    good, reasons = verdict_lines(fitted)
     if not good and not accept:
         raise StrainfmuError(
             f"{test}: {'; '.join(reasons)}; see {page_path.name}; no map written, --accept writes it"
         )
     save_inverse_map(made, output)
-    lines = (*reasons, redundancy_line(found), *([line] if line else []))
-    return Equations(found=found, inverse_map=made, files=(output, *files), lines=lines)
+    lines = (*reasons, redundancy_line(fitted), *([line] if line else []))
+    return Equations(found=fitted, inverse_map=made, files=(output, *files), lines=lines)

@@ -98,11 +98,11 @@ def compared(inverse_map: InverseMap, read: Readings, flights: str) -> Choice:
         name: rows_of(COEFFICIENT_NAMES, of_map(inverse_map, name)(read), read) for name in ("linear", "nonlinear")
     }
     undetected = [_undetected(rows) for rows in scores.values()]
-    safe = [one <= MOST_UNDETECTED for one in undetected]
+    safe = [fraction <= MOST_UNDETECTED for fraction in undetected]
     used: Chosen
     if safe[0] != safe[1]:
         used = "linear" if safe[0] else "nonlinear"
-        percent = [f"{100.0 * one:.2g} %" for one in (undetected if safe[0] else undetected[::-1])]
+        percent = [f"{100.0 * fraction:.2g} %" for fraction in (undetected if safe[0] else undetected[::-1])]
         why = f"with {percent[0]} undetected errors where the other estimator has {percent[1]}"
         return Choice(used=used, why=why, flights=flights, scores=scores)
     linear, nonlinear, of_range = (
@@ -125,22 +125,22 @@ def compared_in_flights(inverse_map: InverseMap, flights: Readings) -> Choice:
     """Return the better estimator in ``flights`` of the independent model, some vehicles of each."""
     count = len(flights.conditions)
     vehicles = len(flights.strain) // count
-    each = min(vehicles, max(1, SAMPLES // count))
-    rows = (vehicles * np.arange(count)[:, None] + np.arange(each)).ravel()
+    per_condition = min(vehicles, max(1, SAMPLES // count))
+    rows = (vehicles * np.arange(count)[:, None] + np.arange(per_condition)).ravel()
     return compared(inverse_map, flights.rows(rows), f"{count} flights of the independent model")
 
 
 def as_chosen(inverse_map: InverseMap, choice: Choice) -> InverseMap:
     """Return ``inverse_map`` for the estimator of ``choice``, which its provenance holds."""
-    found = inverse_map if choice.used == "nonlinear" else inverse_map.without_tables()
-    return replace(found, provenance={**found.provenance, FACTS: choice.record()})
+    chosen = inverse_map if choice.used == "nonlinear" else inverse_map.without_tables()
+    return replace(chosen, provenance={**chosen.provenance, FACTS: choice.record()})
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class LeftOut:
-    """Snapshots that a map is made without, ``kept`` (k,) those it is made from, and their ``name``."""
+    """Snapshots that a map is made without, ``kept_rows`` (k,) those it is made from, and their ``name``."""
 
-    kept: IntArray
+    kept_rows: IntArray
     name: str
 
 
@@ -151,17 +151,17 @@ def compared_on_left_out(
 
     ``problem`` is the one of all snapshots.
     """
-    left = left_out(snapshots, problem.ensemble)
-    if left is None:
+    omitted = left_out(snapshots, problem.ensemble)
+    if omitted is None:
         return linear_because("too few conditions to make a map without some of them")
     try:
-        made = build(snapshots.chosen(left.kept))
+        made = build(snapshots.chosen(omitted.kept_rows))
     except InputError as error:
-        return linear_because(f"no map can be made without {left.name} ({error})")
-    kept = {_key(one) for one in snapshots.chosen(left.kept).conditions()}
-    is_left = np.array([_key(one) not in kept for one in problem.ensemble.conditions])
+        return linear_because(f"no map can be made without {omitted.name} ({error})")
+    kept_keys = {_key(condition) for condition in snapshots.chosen(omitted.kept_rows).conditions()}
+    is_left = np.array([_key(condition) not in kept_keys for condition in problem.ensemble.conditions])
     read = _drawn(vehicle.noise, problem, np.tile(is_left, problem.ensemble.rolls))
-    return compared(made, read, f"snapshots that a map was made without: {left.name}")
+    return compared(made, read, f"snapshots that a map was made without: {omitted.name}")
 
 
 def _key(condition: FlightCondition) -> tuple[float, ...]:
@@ -182,14 +182,14 @@ def left_out(snapshots: Snapshots, ensemble: Ensemble) -> LeftOut | None:
     )  # fmt: skip
     is_left, words = np.zeros(len(listed), dtype=bool), list[str]()
     for name in names:
-        value = np.round([getattr(one, name) for one in listed], 9)
+        value = np.round([getattr(condition, name) for condition in listed], 9)
         distinct = np.unique(value)
         if len(distinct) < (3 if name == MACH_NUMBER else 4):
             continue
         middle = distinct[len(distinct) // 2]
         is_left |= value == middle
         words.append(f"M {middle:g}" if name == MACH_NUMBER else f"{_WORDS[name]} {np.degrees(middle):.3g} deg")
-    return LeftOut(kept=np.flatnonzero(~is_left), name=", ".join(words)) if words else None
+    return LeftOut(kept_rows=np.flatnonzero(~is_left), name=", ".join(words)) if words else None
 
 
 _WORDS = {"total_incidence": "total incidence", "angle_of_attack": "angle of attack", "sideslip_angle": "sideslip"}
@@ -209,15 +209,15 @@ def _drawn(noise: Noise, problem: Problem, members: BoolArray) -> Readings:
         strain += error.strain[rows] * random.standard_normal(shape)
     for term in problem.noise:
         if not term.scales:
-            strain += term.drawn(random, len(rows))
-    mach = np.tile([one.mach_number for one in ensemble.conditions], ensemble.rolls)[rows]
+            strain += term.draw(random, len(rows))
+    mach = np.tile([condition.mach_number for condition in ensemble.conditions], ensemble.rolls)[rows]
     pressure = np.tile(ensemble.ambient_pressure, ensemble.rolls)[rows]
-    drawn = random.standard_normal((3, len(rows)))
+    normal = random.standard_normal((3, len(rows)))
     known = {
         DYNAMIC_PRESSURE: ensemble.nominal_dynamic_pressure
-        * (1.0 + 0.01 * noise.dynamic_pressure_percent * drawn[0]),
-        MACH_NUMBER: mach + noise.navigation_mach_number * drawn[1],
-        STATIC_PRESSURE: pressure * (1.0 + 0.01 * noise.navigation_static_pressure_percent * drawn[2]),
+        * (1.0 + 0.01 * noise.dynamic_pressure_percent * normal[0]),
+        MACH_NUMBER: mach + noise.navigation_mach_number * normal[1],
+        STATIC_PRESSURE: pressure * (1.0 + 0.01 * noise.navigation_static_pressure_percent * normal[2]),
     }
     loads = ensemble.responses(problem.load_operator[FIVE_LOADS])[rows]
     return Readings(

@@ -62,8 +62,8 @@ def snapshots(
     loaded = load_vehicle(vehicle)
     chosen = [condition_set(name) for name in sets]
     source = make_engine(loaded, engine, loaded.resolution.map, grid, reporter.note)
-    given = {"set": list(sets), "engine": engine, "grid": grid}
-    campaign = vehicle_campaign(loaded, source, chosen, {name: value for name, value in given.items() if value})
+    entries = {"set": list(sets), "engine": engine, "grid": grid}
+    campaign = vehicle_campaign(loaded, source, chosen, {name: value for name, value in entries.items() if value})
     repeated = count_repeated(campaign.conditions)
     if repeated:
         reporter.note(f"{repeated} conditions are in the sets more than once: kept in each, solved once")

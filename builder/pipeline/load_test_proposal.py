@@ -225,7 +225,7 @@ def write_proposal(
 ) -> None:
     """Write ``loadtest.toml`` with the cases of ``plan`` as they are run, windows to be filled in."""
     schedule = schedule or Schedule()
-    cases = [_written(one, plan, schedule) for one in run_order(plan)]
+    cases = [_written(run, plan, schedule) for run in run_order(plan)]
     write_load_test(
         path,
         f"{load_vehicle(vehicle_path).name}: ground test",
@@ -238,15 +238,15 @@ def write_proposal(
     )
 
 
-def _written(one: RunCase, plan: LoadPlan, schedule: Schedule) -> WrittenCase:
+def _written(run: RunCase, plan: LoadPlan, schedule: Schedule) -> WrittenCase:
     """Return a case as it stands in the file."""
-    before, after = schedule.parts(one.case)
-    worth = remark(plan, one.number) if one.number >= 0 else ""
+    before, after = schedule.parts(run.case)
+    worth = remark(plan, run.number) if run.number >= 0 else ""
     return WrittenCase(
-        name=one.case.name,
-        loads=one.case.loads,
-        remark=f"{KINDS[one.kind]}{worth}",
-        check=one.kind == "check",
+        name=run.case.name,
+        loads=run.case.loads,
+        remark=f"{KINDS[run.kind]}{worth}",
+        check=run.kind == "check",
         steps=tuple(
             WrittenStep(part=part, unloading=unloading)
             for parts, unloading in ((before, False), (after, True))
@@ -271,7 +271,7 @@ def left_lines(plan: LoadPlan) -> list[str]:
 
 def time_line(plan: LoadPlan, schedule: Schedule) -> str:
     """Return how long the test takes, in one line."""
-    kinds = Counter(one.kind for one in run_order(plan))
+    kinds = Counter(run.kind for run in run_order(plan))
     parts = [
         f"{kinds[kind]} {name}"
         for kind, name in (
@@ -403,4 +403,4 @@ def sigma_rows(plan: LoadPlan) -> list[tuple[str, list[float]]]:
     first = "own weight, " + str(len(plan.attitudes)) + " attitudes" if plan.attitudes else "no load: zeros"
     rows = [("by the drawing", plan.before), (first, plan.after_attitudes)]
     rows += [(case.name, sigma) for case, sigma in zip(plan.cases, plan.sigmas, strict=True)]
-    return [(name, [float(one) for one in np.asarray(sigma) / plan.exact]) for name, sigma in rows]
+    return [(name, [float(ratio) for ratio in np.asarray(sigma) / plan.exact]) for name, sigma in rows]

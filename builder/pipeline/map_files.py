@@ -105,9 +105,9 @@ def build(
     StrainfmuError
         A file could not be written.
     """
-    given = FilesGiven(snapshots=snapshots, structure=structure, rebuild=rebuild)
+    files_given = FilesGiven(snapshots=snapshots, structure=structure, rebuild=rebuild)
     loaded = with_estimator(load_vehicle(vehicle), estimator)
-    pipeline, conditions = open_pipeline(loaded, Path(output), reporter_of(progress), given)
+    pipeline, conditions = open_pipeline(loaded, Path(output), reporter_of(progress), files_given)
     check_before_long_work(pipeline.vehicle, conditions)
     make_map(pipeline)
     _report(pipeline, Path(vehicle))
@@ -322,7 +322,7 @@ def _inverse_map(pipeline: Pipeline) -> None:
     if vehicle.structure.model == "solid":
         inputs["structure"] = pipeline.made_from(STRUCTURE)
     holds = "the inverse map: strain to loads, with covariance"
-    pipeline.make(MAP, holds, inputs, write, files_given=pipeline.given.as_text(), shared=True)
+    pipeline.make(MAP, holds, inputs, write, files_given=pipeline.files_given.as_text(), shared=True)
 
 
 def make_independent_flows(pipeline: Pipeline) -> None:
@@ -363,16 +363,18 @@ def _report(pipeline: Pipeline, vehicle_path: Path) -> None:
         inverse_map = load_inverse_map(pipeline.path(MAP))
         with pipeline.reporter.stage("Report: what the gauges observe"):
             problem = map_problem(pipeline)
-            found = build_report(pipeline.vehicle, snapshots, structure, inverse_map, files=files, problem=problem)
-        pipeline.reporter.note(blind_line(found))
-        if (line := model_form_line(found)) is not None:
+            findings = build_report(
+                pipeline.vehicle, snapshots, structure, inverse_map, files=files, problem=problem
+            )
+        pipeline.reporter.note(blind_line(findings))
+        if (line := model_form_line(findings)) is not None:
             pipeline.reporter.note(line)
-        return found
+        return findings
 
     def page(path: Path) -> None:
-        found = report()
+        findings = report()
         with pipeline.reporter.stage("Report: figures"):
-            build_page.write_report_page(found, path)
+            build_page.write_report_page(findings, path)
 
     def numbers(path: Path) -> None:
         build_page.write_numbers(report(), path.parent)
@@ -380,7 +382,7 @@ def _report(pipeline: Pipeline, vehicle_path: Path) -> None:
     inputs = {
         "map": pipeline.made_from(MAP),
         "schema_version": build_page.SCHEMA_VERSION,
-        "files": [asdict(one) for one in files],
+        "files": [asdict(file) for file in files],
     }
     pipeline.make(build_page.JSON_NAME, "numbers of the report; report_tables holds them as CSV", inputs, numbers)
     if find_spec("matplotlib") is None:
@@ -409,8 +411,8 @@ def files_of_vehicle(vehicle: Vehicle, vehicle_path: Path) -> dict[str, Path]:
 def _report_files(pipeline: Pipeline, vehicle_path: Path) -> dict[str, Path]:
     """Return the files that a report follows from, by what they are."""
     vehicle = pipeline.vehicle
-    found = files_of_vehicle(vehicle, vehicle_path)
-    found["snapshots"] = pipeline.path(SNAPSHOTS)
+    files = files_of_vehicle(vehicle, vehicle_path)
+    files["snapshots"] = pipeline.path(SNAPSHOTS)
     if pipeline.path(STRUCTURE).is_file() and vehicle.structure.model == "solid":
-        found["structure"] = pipeline.path(STRUCTURE)
-    return {**found, "map": pipeline.path(MAP)}
+        files["structure"] = pipeline.path(STRUCTURE)
+    return {**files, "map": pipeline.path(MAP)}

@@ -32,9 +32,9 @@ SHAPE_CONDITIONS, SHAPE_VEHICLES = 200, 200
 """Flights of a shape that is none of revolution, each with a flow of its own, and vehicles that fly at each."""
 
 
-def _no_overlap(one: Sequence[float], other: Sequence[float]) -> bool:
+def _no_overlap(first: Sequence[float], second: Sequence[float]) -> bool:
     """Return whether the ranges of two lists have no value in common."""
-    return max(one) < min(other) or max(other) < min(one)
+    return max(first) < min(second) or max(second) < min(first)
 
 
 def alarm_levels_wanted(vehicle: Vehicle, reporter: Reporter) -> bool:
@@ -127,23 +127,24 @@ def _with_levels(world: World, read: Callable[[], Iterator[Readings]], reporter:
             choice = compared_in_flights(inverse_map, flights)
             inverse_map = as_chosen(inverse_map, choice)
             reporter.note(choice.line)
-        found = with_alarm_levels(inverse_map, read() if flights is None else [flights])
-    if found.manifold is not None and flights is not None:
+        levelled = with_alarm_levels(inverse_map, read() if flights is None else [flights])
+    if levelled.manifold is not None and flights is not None:
         with reporter.stage("Alarm levels of the nonlinear estimator"):
-            found = with_flight_alarm_levels(found, flights)
-        reporter.note(_flight_levels_line(found.provenance["flight_alarm_levels"]))
-    facts = found.provenance["alarm_levels"]
+            levelled = with_flight_alarm_levels(levelled, flights)
+        reporter.note(_flight_levels_line(levelled.provenance["flight_alarm_levels"]))
+    facts = levelled.provenance["alarm_levels"]
     if not facts["used"]:
         reporter.note(
             "warning: alarm levels: from the theory; map and independent model differ, "
             f"{facts['rate_before']:.2g} of its flights raise an alarm"
         )
-        return found
+        return levelled
     reporter.note(
-        f"alarm levels: chi-square times {found.chi_square_scale:.3g}, largest |z| times "
-        f"{found.outlier_scale**0.5:.3g}, for {facts['stated_rate']:g} false alarms ({facts['samples']} samples)"
+        f"alarm levels: chi-square times {levelled.chi_square_scale:.3g}, largest |z| "
+        f"times {levelled.outlier_scale**0.5:.3g}, for {facts['stated_rate']:g} false alarms "
+        f"({facts['samples']} samples)"
     )
-    return found
+    return levelled
 
 
 def _flight_levels_line(facts: Mapping[str, Any]) -> str:

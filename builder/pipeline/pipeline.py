@@ -44,10 +44,10 @@ class Pipeline:
     """
 
     def __init__(
-        self, vehicle: Vehicle, workspace: Workspace, reporter: Reporter, given: FilesGiven | None = None
+        self, vehicle: Vehicle, workspace: Workspace, reporter: Reporter, files_given: FilesGiven | None = None
     ) -> None:
         self.vehicle, self.workspace, self.reporter = vehicle, workspace, reporter
-        self.given = given or FilesGiven()
+        self.files_given = files_given or FilesGiven()
         self.elsewhere: dict[str, Path] = {}
         self.flown: Vehicle | None = None
         self.files: dict[str, str] = {}

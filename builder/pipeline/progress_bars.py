@@ -46,7 +46,7 @@ class ConsoleReporter:
         is_shown = self.console.is_terminal  # elsewhere a bar leaves an empty line
         with Progress(*columns, console=self.console, transient=True, disable=not is_shown) as bars:
             task = bars.add_task(title, total=None)
-            yield lambda done, of: bars.update(task, completed=done, total=of)
+            yield lambda done, total: bars.update(task, completed=done, total=total)
         took = f"{title:<40} {perf_counter() - start:6.1f} s"
         self.lines.append(took)
         if self.is_verbose:

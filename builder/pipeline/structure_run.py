@@ -86,8 +86,8 @@ def run_structure(
         loaded = load_vehicle(vehicle)
         entry = loaded.structure.external
     if entry is not None:
-        given = Path(snapshots or output.parent / "snapshots.h5")
-        return _of_another_code(loaded, _needed(given, f"structure.{entry}"), output)
+        snapshots_path = Path(snapshots or output.parent / "snapshots.h5")
+        return _of_another_code(loaded, _needed(snapshots_path, f"structure.{entry}"), output)
     with reporter.stage("Case"):
         choice = _mesh_choice(loaded, resolution, model, mesh_unit=mesh_unit, by_position=by_position)
         case = structure_case(loaded, list(layouts or used_layouts(loaded)), choice, solver, allow_locking)
@@ -125,8 +125,8 @@ def export_influence(
         case = structure_case(loaded, list(layouts or used_layouts(loaded)), choice, solver, allow_locking)
     if path.suffix.lower() not in (".h5", ".hdf5"):
         raise InputError(f"--export-influence: expected a file .h5, got {path}")
-    found = written_influence(case, loaded.gauges.layout, path)
-    return (f"{path}: {len(found.column)} gauges, forces at {len(found.node)} nodes, written",)
+    influence = written_influence(case, loaded.gauges.layout, path)
+    return (f"{path}: {len(influence.column)} gauges, forces at {len(influence.node)} nodes, written",)
 
 
 def export_loads(
@@ -195,8 +195,8 @@ def _of_another_code(vehicle: Vehicle, snapshots: Path, output: Path) -> Structu
     made = external_structure(vehicle, load_snapshots(snapshots))
     save_structure(made, output)
     lines = [
-        f"layout {one}: {len(made.gauges_of(one))} gauges, {len(made.point)} pressure nodes"
-        for one in made.layouts
+        f"layout {layout}: {len(made.gauges_of(layout))} gauges, {len(made.point)} pressure nodes"
+        for layout in made.layouts
     ]
     lines.append(f"{output}: {made.model.replace('_', ' ')}, {made.size}, written")
     return StructureRun(structure=made, lines=tuple(lines), up_to_date=None)

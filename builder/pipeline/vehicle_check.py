@@ -49,7 +49,7 @@ class _Faults:
         self.vehicle = vehicle
         self.lines: list[str] = []
 
-    def of(self, check: Callable[[], T]) -> T | None:
+    def result_of(self, check: Callable[[], T]) -> T | None:
         """Return the result of a check, None where it refused."""
         try:
             return check()
@@ -95,15 +95,15 @@ def check(vehicle: str | Path, *, progress: AnyProgress = None) -> VehicleCheck:
 
 def _checked(vehicle: Vehicle, path: Path, reporter: Reporter) -> VehicleCheck:
     faults = _Faults(path)
-    gauges = faults.of(lambda: check_gauges(vehicle))
-    engine = faults.of(lambda: make_engine(vehicle, None, vehicle.resolution.map, note=reporter.note))
+    gauges = faults.result_of(lambda: check_gauges(vehicle))
+    engine = faults.result_of(lambda: make_engine(vehicle, None, vehicle.resolution.map, note=reporter.note))
     conditions = (None if engine is None else engine.conditions()) or vehicle.flight_conditions()
     if gauges is not None:
-        faults.of(lambda: check_map_size(vehicle, gauges[vehicle.gauges.layout], len(conditions)))
-        faults.of(lambda: check_noise(vehicle))
-    faults.of(lambda: check_other_loads(vehicle))
+        faults.result_of(lambda: check_map_size(vehicle, gauges[vehicle.gauges.layout], len(conditions)))
+        faults.result_of(lambda: check_noise(vehicle))
+    faults.result_of(lambda: check_other_loads(vehicle))
     flies = vehicle.truth.manoeuvre is not None
-    trajectory = faults.of(lambda: _manoeuvre(vehicle, conditions)) if flies else None
+    trajectory = faults.result_of(lambda: _manoeuvre(vehicle, conditions)) if flies else None
     faults.raise_if_any()  # before the flows, which take longest
     assert gauges is not None
     assert engine is not None
@@ -160,8 +160,8 @@ def _rows(
         RECORDED_KEYS[ALTITUDE]: of_map["altitude_range"].tolist(),
         RECORDED_KEYS[DYNAMIC_PRESSURE]: of_map["dynamic_pressure_range"].tolist(),
     }
-    for one in (*valid_conditions(ranges), *valid_parameters(parameters)):
-        yield f"valid over {one.quantity}", one.text
+    for validity in (*valid_conditions(ranges), *valid_parameters(parameters)):
+        yield f"valid over {validity.quantity}", validity.text
 
 
 def _shape_rows(vehicle: Vehicle, engine: Engine) -> Iterator[tuple[str, str]]:

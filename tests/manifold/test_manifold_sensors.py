@@ -88,7 +88,7 @@ def flights(vehicle: Vehicle, inverse_map: InverseMap, problem: Problem, held_ou
     for term in problem.noise:
         if term.name not in following:
             assert not term.scales, term.name
-            rows += term.drawn(random, n)
+            rows += term.draw(random, n)
     inside, sensors, entry = 0.01 * vehicle.noise.internal_pressure_percent, problem.sensors, vehicle.sensors
     uniform = problem.strain_operator.sum(axis=1)
     if sensors is not None and entry is not None:

@@ -86,7 +86,7 @@ def findings(found: Estimate, worth: WorthOfTest) -> CalibrationFindings:
     equations = load_equations(found, 2.0)
     return CalibrationFindings(
         title="a vehicle: calibration by a test",
-        found=found,
+        estimate=found,
         faults=(),
         outside=outside_model(found),
         left_out=tuple(cross_validation(found)),

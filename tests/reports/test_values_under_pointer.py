@@ -162,9 +162,9 @@ def test_areas_follow_the_axes() -> None:
     shown = ValuedFigure(blank_figure(4.0, 2.0))
     axis = shown.figure.add_axes((0.25, 0.2, 0.5, 0.6))
     axis.set(xlim=(1.0, 100.0), ylim=(3.0, -1.0), xscale="log")
-    shown.at(mark(axis, 10.0, 1.0, 7.2), text="middle")
-    shown.at(column(axis, 5.5, 9.0), text="lower decade")
-    shown.at(column(axis, 500.0), text="beyond")
+    shown.annotate(mark(axis, 10.0, 1.0, 7.2), text="middle")
+    shown.annotate(column(axis, 5.5, 9.0), text="lower decade")
+    shown.annotate(column(axis, 500.0), text="beyond")
     middle, decade, beyond = (one.rectangles[0] for one in shown.places())
     assert middle == pytest.approx((0.475, 0.45, 0.05, 0.1))  # 14.4 pt of 288 and of 144
     assert decade == pytest.approx((0.25, 0.2, 0.25, 0.6))

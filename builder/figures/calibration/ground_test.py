@@ -134,13 +134,13 @@ def steps_figure(cases: Sequence[SteppedCase], names: Sequence[str]) -> Figure |
 def check_figure(estimate: Estimate, checks: Sequence[CheckLoad], equations: Sequence[LoadEquation]) -> Figure:
     """Draw predicted over applied loads: of check loads, or else what the fitted readings say of each load."""
     figure = blank_figure(WIDTH, 4.2)
-    left, right = figure.subplots(1, 2, width_ratios=[1.0, 1.3])
+    left_axes, right_axes = figure.subplots(1, 2, width_ratios=[1.0, 1.3])
     if checks:
-        _check_differences(left, checks)
-        _check_equations(right, checks, equations)
+        _check_differences(left_axes, checks)
+        _check_equations(right_axes, checks, equations)
     else:
-        _fitted_loads(left, estimate)
-        right.set_visible(False)
+        _fitted_loads(left_axes, estimate)
+        right_axes.set_visible(False)
     return figure
 
 
@@ -217,30 +217,30 @@ def flight_figure(worth: WorthOfTest) -> Figure:
 def coverage_figure(worth: WorthOfTest, names: Sequence[str]) -> Figure:
     """Draw ranges of the five loads, and the largest strain of every gauge, in flight and in the test."""
     figure = blank_figure(WIDTH, 4.4)
-    left, right = figure.subplots(1, 2, width_ratios=[1.0, 1.9])
+    left_axes, right_axes = figure.subplots(1, 2, width_ratios=[1.0, 1.9])
     size = np.maximum(np.abs(worth.flight_loads).max(axis=0), 1e-12)
     for k, unit in enumerate(LOAD_UNITS):
         low, high = worth.flight_loads[:, k].min() / size[k], worth.flight_loads[:, k].max() / size[k]
-        left.barh(
+        left_axes.barh(
             k, high - low, left=low, height=0.5, color=EXACT, alpha=0.5, label="in flight" if not k else None
         )
         ground = worth.ground_loads[:, k] / size[k]
-        left.plot(
+        left_axes.plot(
             ground, np.full(len(ground), k), "|", color=CALIBRATED, markersize=14, label=None if k else "cases"
         )
-        left.text(1.0, k + 0.36, f"1 = {size[k]:.3g} {unit}", fontsize=7, ha="right", va="center")
-    left.set_yticks(range(5), [name.replace("_", " ") for name in LOAD_NAMES], fontsize=8)
-    left.set_ylim(4.6, -0.6)
-    left.set(xlabel="load over the largest in flight [1]")
-    left.legend(fontsize=7)
-    left.grid(alpha=0.3)
+        left_axes.text(1.0, k + 0.36, f"1 = {size[k]:.3g} {unit}", fontsize=7, ha="right", va="center")
+    left_axes.set_yticks(range(5), [name.replace("_", " ") for name in LOAD_NAMES], fontsize=8)
+    left_axes.set_ylim(4.6, -0.6)
+    left_axes.set(xlabel="load over the largest in flight [1]")
+    left_axes.legend(fontsize=7)
+    left_axes.grid(alpha=0.3)
     place = np.arange(len(names))
-    right.bar(place, 1e6 * worth.flight_strain, color=EXACT, alpha=0.5, label="in flight")
-    right.plot(place, 1e6 * worth.ground_strain, "_", color=CALIBRATED, markersize=6, label="cases")
+    right_axes.bar(place, 1e6 * worth.flight_strain, color=EXACT, alpha=0.5, label="in flight")
+    right_axes.plot(place, 1e6 * worth.ground_strain, "_", color=CALIBRATED, markersize=6, label="cases")
     step = max(1, len(names) // 60)
-    right.set_xticks(place[::step], names[::step], rotation=90, fontsize=6)
-    right.set_xlim(-1.0, len(names))
-    right.set(ylabel="largest strain [um/m]")
-    right.legend(fontsize=7)
-    right.grid(alpha=0.3, axis="y")
+    right_axes.set_xticks(place[::step], names[::step], rotation=90, fontsize=6)
+    right_axes.set_xlim(-1.0, len(names))
+    right_axes.set(ylabel="largest strain [um/m]")
+    right_axes.legend(fontsize=7)
+    right_axes.grid(alpha=0.3, axis="y")
     return figure

@@ -20,9 +20,9 @@ MARKERS = ("o", "s", "^", "v", "D")
 def load_plan_figure(plan: LoadPlan, title: str) -> Figure:
     """Draw the pads on the unrolled body and sigma of each coefficient over the number of cases."""
     figure = blank_figure(11.0, 4.6)
-    left, right = figure.subplots(1, 2, width_ratios=[1.0, 1.1])
-    _pads(left, plan)
-    _worth(right, plan)
+    left_axes, right_axes = figure.subplots(1, 2, width_ratios=[1.0, 1.1])
+    _pads(left_axes, plan)
+    _worth(right_axes, plan)
     figure.suptitle(f"Proposed load cases: {title}")
     return figure
 

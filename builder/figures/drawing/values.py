@@ -89,7 +89,7 @@ class ValuedFigure:
     figure: Figure
     texts: list[tuple[str, tuple[Area, ...]]] = field(default_factory=list)
 
-    def at(self, *areas: Area, text: str) -> None:
+    def annotate(self, *areas: Area, text: str) -> None:
         """Give some areas one text."""
         self.texts.append((text, areas))
 

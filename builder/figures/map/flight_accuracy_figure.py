@@ -70,7 +70,7 @@ def accuracy_maps(
             lines = [f"M {digits(mach)}, incidence {digits(incidence)} deg, given {known}"]
             lines += [_sigma_text(accuracy, row, i, m) for accuracy in maps]
             areas = (cell(panel, mach, incidence, width, height) for panel in panels[row])
-            shown.at(*areas, text="\n".join(lines))
+            shown.annotate(*areas, text="\n".join(lines))
     return shown
 
 

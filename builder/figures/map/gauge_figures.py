@@ -62,7 +62,7 @@ def gauge_loss(
     for k, (text, (factor, unit)) in enumerate(zip(gauge_texts(inverse_map), units, strict=True)):
         lost = [f"lost: {name} {_growth(value)}" for name, value in zip(COEFFICIENT_NAMES, grown[k], strict=True)]
         bias = f"detectable bias {factor * detectable_bias[k]:.3g} {unit}, leverage {leverage[k]:.3g}"
-        shown.at(*places[k], text="\n".join((text, *lost, bias)))
+        shown.annotate(*places[k], text="\n".join((text, *lost, bias)))
     return shown
 
 
@@ -106,7 +106,7 @@ def pair_loss(
             both = {(first, second), (second, first)}
             value = grown[first, second]
             growth_text = f"+{digits(value)} %" if np.isfinite(value) else "not identified"
-            shown.at(*(cell(axis, *place) for place in sorted(both)), text=f"{lost} lost: {growth_text}")
+            shown.annotate(*(cell(axis, *place) for place in sorted(both)), text=f"{lost} lost: {growth_text}")
     return shown
 
 

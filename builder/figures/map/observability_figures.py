@@ -67,7 +67,7 @@ def classes(
             f"{digits(100.0 * of_kept_modes[i])} % of the kept modes' variance\n"
             f"removed by this map {digits(100.0 * removed[i])} %\nat best {digits(100.0 * removed_at_best[i])} %"
         )
-        shown.at(*(Area(axis, ENDS, (i - 0.5, i + 0.5)) for axis in (fractions, known)), text=text)
+        shown.annotate(*(Area(axis, ENDS, (i - 0.5, i + 0.5)) for axis in (fractions, known)), text=text)
     return shown
 
 
@@ -116,9 +116,9 @@ def unrolled_pressure(
             f"variance removed {digits(100.0 * removed[k])} %\n"
             f"mean {digits(1e-3 * mean[k])} kPa\nstandard deviation {digits(1e-3 * std[k])} kPa"
         )
-        shown.at(*(cell(panel, station, angle, width, height) for panel in panels), text=text)
+        shown.annotate(*(cell(panel, station, angle, width, height) for panel in panels), text=text)
     for areas, text in zip(gauge_areas(panels, inverse_map), gauge_texts(inverse_map), strict=True):
-        shown.at(*areas, text=text)
+        shown.annotate(*areas, text=text)
     return shown
 
 
@@ -176,7 +176,7 @@ def modes(
             f"{digits(percent[k])} % of the variance\nremoved by this map {digits(100.0 * removed[k])} %\n"
             f"at best {digits(100.0 * removed_at_best[k])} %"
         )
-        shown.at(column(axis, k + 1.0), text=text)
+        shown.annotate(column(axis, k + 1.0), text=text)
     return shown
 
 
@@ -191,5 +191,5 @@ def singular_values(values: FloatArray) -> ValuedFigure:
     axis.grid(alpha=0.3)
     for number, value in enumerate(above, start=1):
         text = f"number {number}\n{digits(value)} um/m per kPa rms\n{digits(value / above[0])} of the largest"
-        shown.at(column(axis, float(number)), text=text)
+        shown.annotate(column(axis, float(number)), text=text)
     return shown

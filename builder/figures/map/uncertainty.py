@@ -52,7 +52,7 @@ def coefficients(
             alone = np.sqrt(0.01 * percent[k]) * std[k]
             lines = f"{coefficient}, {name}", f"{digits(percent[k])} % of the variance"
             text = "\n".join((*lines, f"sigma of it alone {digits(alone)}"))
-            shown.at(cell(variances, k, below[k] + 0.5 * percent[k], 0.7, percent[k]), text=text)
+            shown.annotate(cell(variances, k, below[k] + 0.5 * percent[k], 0.7, percent[k]), text=text)
         below += percent
     variances.set_xticks(place, SIGNS)
     variances.set_ylabel("fraction of the variance [%]")
@@ -70,7 +70,7 @@ def coefficients(
             f"{coefficient}: sigma {digits(std[k])}, 3 sigma {digits(3.0 * std[k])}\n"
             f"{digits(finite[k])} % of the range {low} to {high}"
         )
-        shown.at(column(ranges, float(k)), text=text)
+        shown.annotate(column(ranges, float(k)), text=text)
     _draw_correlation(shown, matrix, correlation)
     return shown
 
@@ -93,7 +93,7 @@ def _draw_correlation(shown: ValuedFigure, axis: Any, values: FloatArray) -> Non
         colour = "white" if abs(value) > 0.6 else "black"
         axis.text(j, i, f"{round(value, 2) + 0.0:.2f}", ha="center", va="center", fontsize=8, color=colour)
         text = f"{COEFFICIENT_NAMES[i]} and {COEFFICIENT_NAMES[j]}: {digits(value)}"
-        shown.at(cell(axis, j, i), text=text)
+        shown.annotate(cell(axis, j, i), text=text)
     shown.figure.colorbar(image, ax=axis, pad=0.02, label="correlation of errors [1]")
 
 
@@ -128,7 +128,7 @@ def eigenvalues(values: FloatArray, gamma: float, classes: Sequence[str] = ()) -
             f"eigenvalue {digits(value)}",
             f"filter factor {digits(factor[k])}",
         )
-        shown.at(*(column(axis, k + 1.0) for axis in (decay, factors)), text="\n".join(lines))
+        shown.annotate(*(column(axis, k + 1.0) for axis in (decay, factors)), text="\n".join(lines))
     return shown
 
 
@@ -139,7 +139,7 @@ def l_curve(curve: LCurve, gammas: Sequence[tuple[str, float]]) -> ValuedFigure:
     axis.loglog(curve.residual_norm, curve.solution_norm, color="0.4", linewidth=1.0)
     for k, area in enumerate(_along(axis, curve.residual_norm, curve.solution_norm)):
         norms = f"residual {digits(curve.residual_norm[k])}, states {digits(curve.solution_norm[k])}"
-        shown.at(area, text=f"gamma {digits(curve.gamma[k])}\n{norms}")
+        shown.annotate(area, text=f"gamma {digits(curve.gamma[k])}\n{norms}")
     order = np.log(curve.gamma)
     for i, (name, gamma) in enumerate([*gammas, ("corner of the L-curve", curve.corner)]):
         residual, states = (
@@ -147,7 +147,7 @@ def l_curve(curve: LCurve, gammas: Sequence[tuple[str, float]]) -> ValuedFigure:
             for norm in (curve.residual_norm, curve.solution_norm)
         )
         text = f"{name}: gamma {digits(gamma)}\nresidual {digits(residual)}, states {digits(states)}"
-        shown.at(mark(axis, residual, states), text=text)
+        shown.annotate(mark(axis, residual, states), text=text)
         axis.plot(
             residual,
             states,

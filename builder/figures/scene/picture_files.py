@@ -220,5 +220,5 @@ def write_picture(scene: Scene, path: Path) -> None:
     elif suffix == ".png":
         save(solid_view(scene), path)
     else:
-        mesh, values, gauge = scene.whole()
+        mesh, values, gauge = scene.with_bars()
         write_vtk(path, mesh, {"value": values, "gauge": gauge})

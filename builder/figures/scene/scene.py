@@ -64,7 +64,7 @@ class Scene:
         """(n_g, 8, 3) corners of the bars [m]."""
         return self.place[:, None] + np.einsum("pi,gij->gpj", BOX, self.frame)
 
-    def whole(self) -> tuple[SurfaceMesh, FloatArray, FloatArray]:
+    def with_bars(self) -> tuple[SurfaceMesh, FloatArray, FloatArray]:
         """Return surface and bars in one mesh, (n,) values, NaN at bars, and (n,) number of the gauge, else -1."""
         n_g, first = len(self.gauge_names), self.surface.n_nodes
         triangle = np.concatenate([BOX_SIDES[:, [0, 1, 2]], BOX_SIDES[:, [0, 2, 3]]])

@@ -117,4 +117,7 @@ def condition_ranges(conditions: Sequence[FlightCondition]) -> dict[str, list[fl
 def parameter_ranges(names: Sequence[str], conditions: Sequence[FlightCondition]) -> dict[str, list[float]]:
     """Return minimum and maximum of each flow parameter over ``conditions``, by its name."""
     values = zip(*(condition.parameters for condition in conditions), strict=True)
-    return {name: [min(each), max(each)] for name, each in zip(names, values, strict=True)}
+    return {
+        name: [min(quantity_values), max(quantity_values)]
+        for name, quantity_values in zip(names, values, strict=True)
+    }

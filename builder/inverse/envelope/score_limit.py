@@ -51,7 +51,7 @@ def _errors(problem: Problem, solution: Solution, rows: IntArray, random: np.ran
     total = np.zeros((len(rows), len(problem.strain_operator)))
     for term in solution.noise.terms:
         if term.name not in following and term.load is None:
-            total += term.drawn(random, len(rows))
+            total += term.draw(random, len(rows))
     for error in problem.errors:
         sensitivity = error.strain[rows]
         draws = random.standard_normal((len(rows), 1 if error.common else sensitivity.shape[1]))

@@ -91,8 +91,8 @@ class Ensemble:
         """(n,) weight of each member in a mean over all of them; adds up to 1."""
         if self.grid is None:
             return np.full(len(self.conditions), 1.0 / len(self.conditions))
-        each = self.weight / self.rolls
-        return np.tile(each, self.rolls) / (self.rolls * each.sum())
+        share = self.weight / self.rolls
+        return np.tile(share, self.rolls) / (self.rolls * share.sum())
 
     def members(self) -> Iterator[FloatArray]:
         """Return the members' pressure in blocks (N, n_p) [Pa], as ``pressure``: one block, or one per roll
@@ -119,8 +119,8 @@ class Ensemble:
         m = np.flatnonzero(largest > _NO_HARMONIC * largest.max(initial=0.0))
         product = np.empty((2, len(m), *size))
         for k, of_flow in enumerate(self._spectrum[m]):
-            found = of_flow @ np.conj(spectrum[m[k]]).T
-            product[:, k] = found.real, found.imag
+            amplitude = of_flow @ np.conj(spectrum[m[k]]).T
+            product[:, k] = amplitude.real, amplitude.imag
         weight = np.where((m == 0) | (2 * m == n_roll), 1.0, 2.0) / n_roll
         phase = 2.0 * np.pi * np.outer(np.arange(self.rolls) * (n_roll // self.rolls), m) / n_roll
         turns = np.hstack([weight * np.cos(phase), weight * np.sin(phase)])
@@ -148,7 +148,7 @@ class Ensemble:
 
 def rolls_of(n_roll: int) -> int:
     """Return the smallest divisor of ``n_roll`` from :data:`ROLLS` on, ``n_roll`` itself if that is smaller."""
-    return next((one for one in range(ROLLS, n_roll + 1) if n_roll % one == 0), n_roll)
+    return next((count for count in range(ROLLS, n_roll + 1) if n_roll % count == 0), n_roll)
 
 
 def ensemble_of(vehicle: Vehicle, snapshots: Snapshots) -> Ensemble:
@@ -178,13 +178,13 @@ def ensemble_of(vehicle: Vehicle, snapshots: Snapshots) -> Ensemble:
         pressure = ratio[:, None] * (pressure - ambient[:, None] if inside == "ambient" else pressure)
         fixed = 0.0 if inside == "ambient" else float(inside)
     reference = vehicle.reference_quantities()
-    at = np.array([coefficient_scale(value, reference) for value in dynamic])
+    scales = np.array([coefficient_scale(value, reference) for value in dynamic])
     return Ensemble(
         pressure=pressure,
         fixed_pressure=fixed,
         conditions=chosen,
-        scale=at / ratio[:, None],
-        fixed_scale=at,
+        scale=scales / ratio[:, None],
+        fixed_scale=scales,
         ambient_pressure=ratio * ambient,
         nominal_dynamic_pressure=nominal,
         grid=grid,
@@ -224,10 +224,10 @@ def rolled_modes(ensemble: Ensemble, weights: FloatArray | None) -> PressureMode
     ]
     # A mode's deviation is in proportion to its singular value: what is far below the limit is not expanded.
     least = 0.5 * _NEGLIGIBLE * max(float(deviation[0]) for _, deviation in parts)
-    for m, (left, deviation) in enumerate(parts):
+    for m, (vectors, deviation) in enumerate(parts):
         phases = np.exp(1j * m * roll_angle)
         alone = m == 0 or 2 * m == n_roll
-        for shape, std in zip(left.T[deviation > least], deviation[deviation > least], strict=True):
+        for shape, std in zip(vectors.T[deviation > least], deviation[deviation > least], strict=True):
             field = (shape / root[:, 0])[:, None] * phases
             # p = 2 Re(c e^(i m phi)); the real and the imaginary part of c each have half of its variance.
             for part in (field.real,) if alone else (field.real, field.imag):
@@ -237,12 +237,12 @@ def rolled_modes(ensemble: Ensemble, weights: FloatArray | None) -> PressureMode
                     deviations.append(std * size * (1.0 if alone else np.sqrt(2.0)))
     order = np.argsort(-np.array(deviations), kind="stable")
     std = np.array(deviations)[order]
-    kept = order[std > _NEGLIGIBLE * std[0]]
-    modes = np.array(shapes)[kept].T
+    significant = order[std > _NEGLIGIBLE * std[0]]
+    modes = np.array(shapes)[significant].T
     return PressureModes(
         mean=mean,
         modes=modes * signs(modes),
-        singular_values=np.array(deviations)[kept] * np.sqrt(n - 1),
+        singular_values=np.array(deviations)[significant] * np.sqrt(n - 1),
         n_snapshots=n,
         weights=weights,
     )

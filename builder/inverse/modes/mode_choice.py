@@ -28,7 +28,7 @@ def choice_record(wanted: int, states: Sequence[int], left_out: Sequence[dict[st
         snapshots' pressure, weighted with area [1], ``strain_over_noise`` and ``strain_over_errors`` [1], see
         :func:`builder.inverse.solution.mode_choice`.
     """
-    named = [one for one in left_out if one["mode"] < states[-1] or one["fraction_of_variance"] >= FAINT]
+    named = [mode for mode in left_out if mode["mode"] < states[-1] or mode["fraction_of_variance"] >= FAINT]
     return {
         "wanted": wanted,
         "kept": list(states),
@@ -47,13 +47,13 @@ def mode_choice_lines(provenance: Mapping[str, Any]) -> list[str]:
     choice = provenance.get("mode_choice")
     if not choice or not (choice["left_out"] or choice["further_left_out"]):
         return []
-    kept, wanted, further = choice["kept"], choice["wanted"], choice["further_left_out"]
-    of = f" of the {wanted} modes that map.modes requests" if len(kept) < wanted else ""
+    states, wanted, further = choice["kept"], choice["wanted"], choice["further_left_out"]
+    of_wanted = f" of the {wanted} modes that map.modes requests" if len(states) < wanted else ""
     needed = " and ".join(f"{choice['needed'][name]:g} times {what}" for name, what in MEASURES)
     return [
-        f"{len(kept)}{of or ' modes'} are states of the linear map: {_listed(kept)}; a state needs strain that "
-        f"those before it do not explain, {needed}; the modes left out count as noise",
-        *(_left_out(one) for one in choice["left_out"]),
+        f"{len(states)}{of_wanted or ' modes'} are states of the linear map: {_listed(states)}; a state needs "
+        f"strain that those before it do not explain, {needed}; the modes left out count as noise",
+        *(_left_out(mode) for mode in choice["left_out"]),
         *((f"left out: {further} weaker mode{'s' if further > 1 else ''}",) if further else ()),
     ]
 
@@ -61,10 +61,10 @@ def mode_choice_lines(provenance: Mapping[str, Any]) -> list[str]:
 MEASURES = (("strain_over_noise", "the gauges' noise"), ("strain_over_errors", "all errors together"))
 
 
-def _left_out(one: Mapping[str, Any]) -> str:
-    found = ", ".join(f"{one[name]:.2g} times {what}" for name, what in MEASURES)
-    percent = f"{100.0 * one['fraction_of_variance']:.2g} % of the variance"
-    return f"left out: mode {one['mode']}, {percent}, strain {found}"
+def _left_out(mode: Mapping[str, Any]) -> str:
+    strain = ", ".join(f"{mode[name]:.2g} times {what}" for name, what in MEASURES)
+    percent = f"{100.0 * mode['fraction_of_variance']:.2g} % of the variance"
+    return f"left out: mode {mode['mode']}, {percent}, strain {strain}"
 
 
 def _listed(numbers: Sequence[int]) -> str:

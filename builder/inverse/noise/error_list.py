@@ -137,8 +137,8 @@ def error_named(name: str) -> MapError:
 
 def role_of(name: str, is_measured: bool = False) -> Role:
     """Return the role of the error ``name``; ``is_measured`` with auxiliary sensors."""
-    one = error_named(name)
-    return "estimated" if is_measured and one.acts_on == _PRESSURE else one.role
+    error = error_named(name)
+    return "estimated" if is_measured and error.acts_on == _PRESSURE else error.role
 
 
 def parts_of(name: str, is_measured: bool = False) -> tuple[float, float]:
@@ -151,22 +151,22 @@ def parts_of(name: str, is_measured: bool = False) -> tuple[float, float]:
 def by_role(terms: Mapping[str, FloatArray], is_measured: bool = False) -> tuple[FloatArray, FloatArray]:
     """Return columns (n, k) of ``terms`` by name that are estimated, and those that are considered."""
     rows = len(next(iter(terms.values())))
-    found: tuple[list[FloatArray], list[FloatArray]] = ([np.zeros((rows, 0))], [np.zeros((rows, 0))])
+    blocks: tuple[list[FloatArray], list[FloatArray]] = ([np.zeros((rows, 0))], [np.zeros((rows, 0))])
     for name, columns in terms.items():
-        for one, part in zip(found, parts_of(name, is_measured), strict=True):
+        for block, part in zip(blocks, parts_of(name, is_measured), strict=True):
             if part > 0.0:
-                one.append(part * columns)
-    return np.hstack(found[0]), np.hstack(found[1])
+                block.append(part * columns)
+    return np.hstack(blocks[0]), np.hstack(blocks[1])
 
 
 def record_of(name: str, vehicle: Vehicle) -> dict[str, Any]:
     """Return what the provenance of a map says of the error ``name``, but how much it strains."""
-    one = error_named(name)
-    size = one.stated_size(vehicle)
+    error = error_named(name)
+    size = error.stated_size(vehicle)
     return {
         "name": name,
-        **({"entry": one.entry} if one.entry else {}),
-        **({} if size is None else {"size": size, "unit": one.unit}),
-        "acts_on": one.acts_on,
+        **({"entry": error.entry} if error.entry else {}),
+        **({} if size is None else {"size": size, "unit": error.unit}),
+        "acts_on": error.acts_on,
         "role": role_of(name, vehicle.sensors is not None),
     }

@@ -36,8 +36,10 @@ def newtonian_snapshots(vehicle: Vehicle, snapshots: Snapshots) -> Snapshots | N
         return None
     engine = NewtonianEngine(mesh_of(snapshots.grid or snapshots.surface), leeward="prandtl_meyer")
     conditions = snapshots.conditions()
-    ratio = np.array([engine.solve(engine.flow_key(one)).arrays["pressure_ratio"] for one in conditions])
-    ambient = np.array([one.ambient_pressure for one in conditions])
+    ratio = np.array(
+        [engine.solve(engine.flow_key(condition)).arrays["pressure_ratio"] for condition in conditions]
+    )
+    ambient = np.array([condition.ambient_pressure for condition in conditions])
     return replace(snapshots, pressure=ratio * ambient[:, None])
 
 
@@ -52,8 +54,8 @@ def flow_model_errors(
     """
     sizes, terms = model_form(vehicle.map, vehicle.noise), list[NoiseTerm]()
     if sizes.of_overpressure > 0.0:
-        incidence = np.array([one.total_incidence for one in snapshots.conditions()])
-        ambient = np.array([one.ambient_pressure for one in snapshots.conditions()])
+        incidence = np.array([condition.total_incidence for condition in snapshots.conditions()])
+        ambient = np.array([condition.ambient_pressure for condition in snapshots.conditions()])
         ratio = (snapshots.pressure / ambient[:, None])[incidence <= incidence.min() + 1e-9].mean(axis=0)
         level = sizes.of_overpressure * ensemble.mean_ambient_pressure * (ratio - 1.0)
         terms.append(pressure_errors(LEVEL, level[None], strain, load))
@@ -64,8 +66,8 @@ def flow_model_errors(
         members = difference.responses(np.vstack([strain, load]))
         columns = (np.sqrt(difference.member_weight)[:, None] * members).T
         rows = _rows(columns)
-        left, size, _ = np.linalg.svd(columns / rows, full_matrices=False)
-        of_strain, of_load = np.split(np.asarray(rows * left * size), [len(strain)])
+        vectors, size, _ = np.linalg.svd(columns / rows, full_matrices=False)
+        of_strain, of_load = np.split(np.asarray(rows * vectors * size), [len(strain)])
         terms.append(NoiseTerm(FLOW_MODELS, of_strain, of_load, scales=True))
     return tuple(terms)
 

@@ -52,8 +52,8 @@ class FlowsBetween:
 
     def of_cells(self, operator: FloatArray) -> FloatArray:
         """Return (c, n) ``operator`` (n, n_p) times p / p_inf - 1, the mean over the flow parameters."""
-        found = (self.ratio - 1.0) @ operator.T
-        return np.asarray(found.reshape(self.cells, -1, len(operator)).mean(axis=1))
+        difference = (self.ratio - 1.0) @ operator.T
+        return np.asarray(difference.reshape(self.cells, -1, len(operator)).mean(axis=1))
 
     def middle_of_cells(self) -> tuple[FlightCondition, ...]:
         """Return one condition of each cell."""
@@ -65,16 +65,16 @@ class FlowsBetween:
 
         ``is_scaled`` states whether the ensemble is at one dynamic pressure.
         """
-        ambient = np.array([one.ambient_pressure for one in self.conditions])
+        ambient = np.array([condition.ambient_pressure for condition in self.conditions])
         field = ambient[:, None] * self.ratio
         if is_scaled:
-            dynamic = np.array([one.dynamic_pressure for one in self.conditions])
+            dynamic = np.array([condition.dynamic_pressure for condition in self.conditions])
             net = field - ambient[:, None] if ensemble.fixed_pressure == 0.0 else field
             field = net * (ensemble.nominal_dynamic_pressure / dynamic)[:, None]
-        off, own = field - ensemble.mean(), ensemble.pressure - ensemble.mean()
-        value, vector = np.linalg.eigh(own @ own.T)
-        kept = value > _NEGLIGIBLE * value[-1]
-        basis = (vector[:, kept] / np.sqrt(value[kept])).T @ own
+        off, centred = field - ensemble.mean(), ensemble.pressure - ensemble.mean()
+        value, vector = np.linalg.eigh(centred @ centred.T)
+        significant = value > _NEGLIGIBLE * value[-1]
+        basis = (vector[:, significant] / np.sqrt(value[significant])).T @ centred
         return np.asarray((off - (off @ basis.T) @ basis) / np.sqrt(len(off)))
 
 
@@ -88,7 +88,7 @@ def flows_between(vehicle: Vehicle, snapshots: Snapshots) -> FlowsBetween | None
         return None
     conditions, cells = _between(listed)
     try:
-        ratio = [engine.solve(engine.flow_key(one)).arrays["pressure_ratio"] for one in conditions]
+        ratio = [engine.solve(engine.flow_key(condition)).arrays["pressure_ratio"] for condition in conditions]
     except FlowReachError:
         return None
     return FlowsBetween(conditions=conditions, ratio=np.array(ratio), cells=cells)
@@ -105,32 +105,32 @@ def same_engine(vehicle: Vehicle, snapshots: Snapshots, leeward: str | None = No
         return None
     surface, stagnation = snapshots.surface, entry.stagnation or "rayleigh_pitot"
     moved = deflections_of(vehicle, surface) if snapshots.parameter_names else ()
-    own = NewtonianEngine(surface, stagnation, entry.leeward or "ambient", moved)
+    newtonian = NewtonianEngine(surface, stagnation, entry.leeward or "ambient", moved)
     first = snapshots.conditions()[0]
-    again = own.solve(own.flow_key(first)).arrays["pressure_ratio"]
+    again = newtonian.solve(newtonian.flow_key(first)).arrays["pressure_ratio"]
     if np.abs(again - snapshots.pressure[0] / first.ambient_pressure).max() > _SAME:
         return None
-    return own if leeward is None else NewtonianEngine(surface, stagnation, leeward, moved)
+    return newtonian if leeward is None else NewtonianEngine(surface, stagnation, leeward, moved)
 
 
 def _between(listed: Sequence[FlightCondition]) -> tuple[tuple[FlightCondition, ...], int]:
     """Return the conditions in the middle of the cells of ``listed``, and the number of these cells."""
-    flows = [(one.mach_number, one.angle_of_attack, one.sideslip_angle) for one in listed]
+    flows = [(condition.mach_number, condition.angle_of_attack, condition.sideslip_angle) for condition in listed]
     axes = [_middles(axis) for axis in zip(*flows, strict=True)]
-    parameters = sorted({one.parameters for one in listed})
+    parameters = sorted({condition.parameters for condition in listed})
     cells, most = list(product(*axes)), max(1, MOST_FLOWS // len(parameters))
     if len(cells) > most:
         chosen = np.random.default_rng(1).permutation(len(cells))[:most]
         cells = [cells[number] for number in sorted(chosen.tolist())]
-    found = tuple(
+    between = tuple(
         FlightCondition(mach, alpha, beta, listed[0].altitude, values)
         for (mach, alpha, beta), values in product(cells, parameters)
     )
-    return found, len(cells)
+    return between, len(cells)
 
 
 def _middles(values: Sequence[float]) -> list[float]:
     """Return the middles between distinct ``values``; the value itself where it is alone."""
     distinct = np.unique(np.round(values, 9))
     middles = 0.5 * (distinct[1:] + distinct[:-1]) if len(distinct) > 1 else distinct
-    return [float(one) for one in middles]
+    return [float(middle) for middle in middles]

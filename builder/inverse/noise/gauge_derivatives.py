@@ -37,13 +37,13 @@ def strain_derivatives(
     if isinstance(structure, StructuralModel):
         return _derivatives(of_model(vehicle, structure, layout, keys), keys)
     of_wall = [key for key in keys if key[0] in (*SOLVED, *BY_REGION) and key[0] != "axial_shift"]
-    others = [key for key in keys if key not in of_wall]
-    found: dict[Key, FloatArray] = {}
+    of_gauges = [key for key in keys if key not in of_wall]
+    derivatives: dict[Key, FloatArray] = {}
     if of_wall:
-        found |= _wall_derivatives(vehicle, structure, layout, of_wall)
-    strain = of_displaced(structure, layout, moved=any(key[0] not in GAINS for key in others))
-    found |= parameter_derivatives(strain, as_drawn(counts_of_layout(vehicle, structure, layout)), others)
-    return {key: found[key] for key in keys}
+        derivatives |= _wall_derivatives(vehicle, structure, layout, of_wall)
+    strain = of_displaced(structure, layout, moved=any(key[0] not in GAINS for key in of_gauges))
+    derivatives |= parameter_derivatives(strain, as_drawn(counts_of_layout(vehicle, structure, layout)), of_gauges)
+    return {key: derivatives[key] for key in keys}
 
 
 def _derivatives(model: RevolvedStructure, keys: Collection[Key]) -> dict[Key, FloatArray]:
@@ -81,7 +81,7 @@ def of_displaced(structure: MappedStructure, layout: str, moved: bool) -> Callab
         The structure holds no displaced gauges of ``layout``, and ``moved`` says that they are needed.
     """
 
-    def of(how: str) -> FloatArray:
+    def strain_of(how: str) -> FloatArray:
         name = displaced_name(layout, how)
         if name not in structure.operators:
             raise InputError(
@@ -90,9 +90,9 @@ def of_displaced(structure: MappedStructure, layout: str, moved: bool) -> Callab
             )
         return structure.strain_operator(name)
 
-    parts = ways_of(structure.strain_operator(layout), of if moved else None).transpose(0, 2, 1)
+    parts = ways_of(structure.strain_operator(layout), strain_of if moved else None).transpose(0, 2, 1)
     gauges = DisplacedGauges(structure.layouts[layout].position)
-    return lambda built: gauges.as_built(parts, built).T
+    return lambda as_built: gauges.as_built(parts, as_built).T
 
 
 def _wall_derivatives(
@@ -110,17 +110,17 @@ def _wall_derivatives(
         The body is not one of revolution that is clamped aft, and an error is another than the thickness.
     """
     grid = grid_of(structure.surface)
-    beyond = next((kind for kind, _ in keys if kind not in KNOWN), None)
-    if grid is not None and not (structure.is_external and beyond is None):
+    unknown_kind = next((kind for kind, _ in keys if kind not in KNOWN), None)
+    if grid is not None and not (structure.is_external and unknown_kind is None):
         inside = _with_points_inside(vehicle, layout)
         try:
             model = structural_model_on(inside, grid, vehicle.resolution.map, [layout])
             return _derivatives(of_model(inside, model, layout, keys), keys)
         except InputError:
-            if beyond is not None:
+            if unknown_kind is not None:
                 raise
-    if beyond is not None:
-        entry = KINDS[beyond].entry
+    if unknown_kind is not None:
+        entry = KINDS[unknown_kind].entry
         raise InputError(f"noise.{entry}: expected 0 but for a body of revolution that is clamped aft")
     counts = counts_of_layout(vehicle, structure, layout)
     return parameter_derivatives(of_displaced(structure, layout, moved=False), as_drawn(counts), list(keys))

@@ -91,16 +91,16 @@ def nuisance_terms(path: Path, gauge_names: Sequence[str]) -> list[NoiseTerm]:
     if len(header) < 2 or header[0].strip() != "gauge" or "" in names or len(set(names)) < len(names):
         got = shown_columns(header, ("gauge",))
         raise InputError(f"{where}: expected the columns gauge and a name per mode, got {got}")
-    found = dict(_nuisance_row(row, len(names), where) for row in rows)
-    if len(found) < len(rows):
+    terms = dict(_nuisance_row(row, len(names), where) for row in rows)
+    if len(terms) < len(rows):
         raise InputError(f"{where}: a gauge is listed twice")
     for name in gauge_names:
-        if name not in found:
+        if name not in terms:
             raise InputError(f"{where}: gauge '{name}' of the layout in use is missing")
-    if len(found) > len(gauge_names):
-        unknown = next(name for name in found if name not in gauge_names)
+    if len(terms) > len(gauge_names):
+        unknown = next(name for name in terms if name not in gauge_names)
         raise InputError(f"{where}: gauge '{unknown}' is not in the layout in use")
-    strain = MICRO * np.array([found[name] for name in gauge_names])
+    strain = MICRO * np.array([terms[name] for name in gauge_names])
     return [nuisance_modes(name, strain[:, [k]], np.ones(1)) for k, name in enumerate(names)]
 
 

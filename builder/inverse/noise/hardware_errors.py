@@ -65,12 +65,12 @@ def hardware_errors(
     entry, layout = vehicle.noise, vehicle.gauges.layout
     keys = stated_keys(entry, counts_of_layout(vehicle, structure, layout))
     derivative = strain_derivatives(vehicle, structure, layout, keys)
-    found = [(KINDS[key[0]], KINDS[key[0]].std(entry) * derivative[key]) for key in keys]
-    columns = [(kind.column_name, operator, kind.extent != "gauge") for kind, operator in found]
-    gain = sum(kind.name in ("gauge_gain", "common_gain") for kind, _ in found)
+    operators = [(KINDS[key[0]], KINDS[key[0]].std(entry) * derivative[key]) for key in keys]
+    columns = [(kind.column_name, operator, kind.extent != "gauge") for kind, operator in operators]
+    gain = sum(kind.name in ("gauge_gain", "common_gain") for kind, _ in operators)
     columns.insert(gain, ("modulus with temperature", modulus_std * strain_operator, True))
     # Errors of each gauge first.
-    named = sorted((one for one in columns if np.any(one[1])), key=lambda one: one[2])
+    named = sorted((column for column in columns if np.any(column[1])), key=lambda column: column[2])
     if not named:
         return []
     strain = ensemble.responses(np.concatenate([operator for _, operator, _ in named]))
@@ -102,10 +102,10 @@ def error_terms(errors: list[HardwareError], ensemble: Ensemble) -> list[NoiseTe
     terms: dict[str, NoiseTerm] = {}
     for error in errors:
         term = common_error if error.common else gauge_errors
-        found = term(error.name, error.strain, 1.0, ensemble.member_weight)
+        error_term = term(error.name, error.strain, 1.0, ensemble.member_weight)
         if error.name in terms:
-            found = replace(found, strain=np.hstack([terms[error.name].columns, found.columns]))
-        terms[error.name] = replace(found, hardware=not error.of_mesh)
+            error_term = replace(error_term, strain=np.hstack([terms[error.name].columns, error_term.columns]))
+        terms[error.name] = replace(error_term, hardware=not error.of_mesh)
     return list(terms.values())
 
 

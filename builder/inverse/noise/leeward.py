@@ -37,18 +37,20 @@ def leeward_fields(vehicle: Vehicle, snapshots: Snapshots, ensemble: Ensemble) -
     error is stated.
     """
     size = model_form(vehicle.map, vehicle.noise).of_leeward
-    own = same_engine(vehicle, snapshots) if size > 0.0 else None
-    if own is None:
+    stated_engine = same_engine(vehicle, snapshots) if size > 0.0 else None
+    if stated_engine is None:
         return None
-    other = same_engine(vehicle, snapshots, other_leeward(vehicle))
-    assert other is not None
+    changed_engine = same_engine(vehicle, snapshots, other_leeward(vehicle))
+    assert changed_engine is not None
     listed = snapshots.conditions()
     if len(listed) > MOST_FLOWS:
         chosen = np.random.default_rng(1).permutation(len(listed))[:MOST_FLOWS]
         listed = [listed[row] for row in sorted(chosen.tolist())]
 
     def ratio(engine: NewtonianEngine) -> FloatArray:
-        return np.array([engine.solve(engine.flow_key(one)).arrays["pressure_ratio"] for one in listed])
+        return np.array(
+            [engine.solve(engine.flow_key(condition)).arrays["pressure_ratio"] for condition in listed]
+        )
 
-    difference = ratio(other) - ratio(own)
+    difference = ratio(changed_engine) - ratio(stated_engine)
     return np.asarray(size * ensemble.mean_ambient_pressure * difference / np.sqrt(len(difference)))

@@ -76,14 +76,14 @@ class MeshError:
 
 def mesh_error_notes(provenance: Mapping[str, Any]) -> list[str]:
     """Return in lines what a map's provenance says of the mesh's error: its size, and a warning above 1 sigma."""
-    held = provenance.get("mesh_error")
-    if held is None:
+    mesh_error = provenance.get("mesh_error")
+    if mesh_error is None:
         return []
     lines = [
-        f"mesh error {held['rms_sigma']:.2g} sigma of gauge noise (rms), {held['largest_sigma']:.2g} at "
-        f"{held['largest_at']}, against {held['against']}"
+        f"mesh error {mesh_error['rms_sigma']:.2g} sigma of gauge noise (rms), {mesh_error['largest_sigma']:.2g} "
+        f"at {mesh_error['largest_at']}, against {mesh_error['against']}"
     ]
-    if not held["sigmas_trusted"]:
+    if not mesh_error["sigmas_trusted"]:
         lines.append(
             f"warning: the mesh's error is above {TRUSTED:g} sigma of gauge noise: the sigmas of this map are not "
             "to be trusted; take a finer mesh"

@@ -59,7 +59,7 @@ class NoiseTerm:
         """Return (m, k) what ``gain`` (m, n_d) makes of each column of strain."""
         return gain * self.strain if self.is_own else np.asarray(gain @ self.strain)
 
-    def drawn(self, random: np.random.Generator, n: int) -> FloatArray:
+    def draw(self, random: np.random.Generator, n: int) -> FloatArray:
         """Return (n, n_d) strain of ``n`` draws [m/m]."""
         sizes = random.standard_normal((n, self.strain.shape[-1]))
         return sizes * self.strain if self.is_own else sizes @ self.strain.T
@@ -140,19 +140,19 @@ def gauge_noise(covariance: FloatArray) -> NoiseTerm:
 
 
 def truncated_modes(
-    strain_of_modes: FloatArray, load_of_modes: FloatArray, modes: PressureModes, kept: int
+    strain_of_modes: FloatArray, load_of_modes: FloatArray, modes: PressureModes, n_states: int
 ) -> NoiseTerm:
-    """Return the term of the POD modes beyond the first ``kept``, at their spread over the snapshots.
+    """Return the term of the POD modes beyond the first ``n_states``, at their spread over the snapshots.
 
     Parameters
     ----------
     strain_of_modes : (n_d, k) Z_p V of all modes [1/Pa].
     load_of_modes : (n_f, k) G C_map V of all modes [N/Pa, N m/Pa].
     modes : POD of the snapshots.
-    kept : number of modes that are states.
+    n_states : number of modes that are states.
     """
-    std = modes.coefficient_std[kept:]
-    strain, load = strain_of_modes[:, kept:] * std, load_of_modes[:, kept:] * std
+    std = modes.coefficient_std[n_states:]
+    strain, load = strain_of_modes[:, n_states:] * std, load_of_modes[:, n_states:] * std
     return NoiseTerm("truncated modes", strain, load, scales=True)
 
 
@@ -216,7 +216,9 @@ def common_error(name: str, sensitivity: FloatArray, std: float, weight: FloatAr
     Its covariance is the mean of s_j s_j' over the flights j; parameters as in :func:`gauge_errors`.
     """
     _, size, right = np.linalg.svd(np.sqrt(weight)[:, None] * sensitivity, full_matrices=False)
-    kept = size > 1e-6 * size[0] if size[0] > 0.0 else size > 0.0
+    significant = size > 1e-6 * size[0] if size[0] > 0.0 else size > 0.0
     return replace(
-        nuisance_modes(name, right[kept].T * size[kept], np.full(int(kept.sum()), std)), scales=True, hardware=True
+        nuisance_modes(name, right[significant].T * size[significant], np.full(int(significant.sum()), std)),
+        scales=True,
+        hardware=True,
     )

@@ -33,12 +33,12 @@ def reading_std(entry: Recorder, n_gauges: int) -> dict[str, FloatArray]:
     noise = np.atleast_1d(np.array(entry.noise_um_per_m, dtype=float))
     if len(noise) not in (1, n_gauges):
         raise InputError(f"recorder.noise_um_per_m: {len(noise)} values found, must be 1 or {n_gauges}")
-    ones = np.full(n_gauges, _MICRO)
+    micro = np.full(n_gauges, _MICRO)
     hum = entry.pickup_um_per_m / np.sqrt(2.0)
     return {
-        "noise": noise * ones,
-        "step": entry.step_um_per_m / np.sqrt(12.0) * ones,
-        "pickup": (hum if entry.pickup == "cable" else 0.0) * ones,
+        "noise": noise * micro,
+        "step": entry.step_um_per_m / np.sqrt(12.0) * micro,
+        "pickup": (hum if entry.pickup == "cable" else 0.0) * micro,
     }
 
 
@@ -49,7 +49,7 @@ def recorder_terms(entry: Recorder, aft: FloatArray) -> list[NoiseTerm]:
         PICKUP: _MICRO * hum * np.ones(len(aft)),
         MISMATCH: _MICRO * entry.mismatch_um_per_m_per_K * entry.gradient_K * aft,
     }
-    return [nuisance_modes(name, one[:, None], np.ones(1)) for name, one in sizes.items() if one.any()]
+    return [nuisance_modes(name, std[:, None], np.ones(1)) for name, std in sizes.items() if std.any()]
 
 
 def scan_errors(entry: Recorder, operator: FloatArray, ensemble: Ensemble) -> list[HardwareError]:
@@ -65,7 +65,7 @@ def scan_errors(entry: Recorder, operator: FloatArray, ensemble: Ensemble) -> li
     pressure = np.tile(ensemble.ambient_pressure, rolls)[:, None]
     strain = ensemble.responses(operator) / pressure
     mach, incidence, roll = (
-        np.tile([getattr(one, name) for one in ensemble.conditions], rolls)
+        np.tile([getattr(condition, name) for condition in ensemble.conditions], rolls)
         for name in ("mach_number", "total_incidence", "leeward_roll_angle")
     )
     roll = roll + 2.0 * np.pi * np.repeat(np.arange(rolls), n) / rolls
@@ -76,21 +76,21 @@ def scan_errors(entry: Recorder, operator: FloatArray, ensemble: Ensemble) -> li
     by_u = np.column_stack([a * u ** max(a - 1, 0) * w**b for a, b in powers])
     by_w = np.column_stack([b * u**a * w ** max(b - 1, 0) for a, b in powers])
     slope = np.zeros((2, *strain.shape))
-    for one in np.unique(mach):
-        rows = mach == one
+    for mach_number in np.unique(mach):
+        rows = mach == mach_number
         factor = np.linalg.lstsq(terms[rows], strain[rows], rcond=1e-6)[0]
         slope[:, rows] = by_u[rows] @ factor / largest, by_w[rows] @ factor / largest
     none = np.zeros_like(operator)
     return [
-        HardwareError(name=SCAN, operator=none, strain=size * pressure * one, common=True, with_rest=True)
-        for one in slope
+        HardwareError(name=SCAN, operator=none, strain=size * pressure * gauge_slope, common=True, with_rest=True)
+        for gauge_slope in slope
     ]
 
 
 def reading_in_words(entry: Recorder, gauge_std: float | None) -> str:
     """Return the standard deviation of a reading and its parts; ``gauge_std`` [um/m] None until flows state it."""
     count = len(entry.noise_um_per_m) if isinstance(entry.noise_um_per_m, list) else 1
-    parts = {name: 1e6 * float(np.mean(one)) for name, one in reading_std(entry, count).items() if one.any()}
+    parts = {name: 1e6 * float(np.mean(std)) for name, std in reading_std(entry, count).items() if std.any()}
     if gauge_std is None:
         listed = "".join(f", {name} {value:.3g} um/m" for name, value in parts.items())
         return f"gauge noise by the median strain of the flows{listed}"

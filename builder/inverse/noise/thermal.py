@@ -64,18 +64,18 @@ def thermal_map(vehicle: Vehicle, structure: FourierStructure | None = None) -> 
         structure = thermal_structure(vehicle, entry)
     modes = thermal_modes(entry, vehicle.body().length)
     strain = np.column_stack([gauge_strain(structure, [mode]) for mode, _ in modes])
-    x = np.array([one.x_m for one in entry.sensor])
-    roll = np.radians([one.roll_angle_deg for one in entry.sensor])
-    depth = np.array([float(one.surface == "outer") for one in entry.sensor])
+    x = np.array([sensor.x_m for sensor in entry.sensor])
+    roll = np.radians([sensor.roll_angle_deg for sensor in entry.sensor])
+    depth = np.array([float(sensor.surface == "outer") for sensor in entry.sensor])
     n_d = len(strain)
     return ThermalMap(
         reference_temperature=entry.reference_degC + _CELSIUS,
         prior_std=np.array([std for _, std in modes]),
         mode_strain=strain,
         gauge_operator=np.column_stack([gauge_temperature(structure, mode) for mode, _ in modes]),
-        sensor_names=tuple(one.name for one in entry.sensor),
+        sensor_names=tuple(sensor.name for sensor in entry.sensor),
         sensor_operator=np.column_stack([mode.at(x, roll, depth) for mode, _ in modes]),
-        sensor_std=np.array([one.std_K for one in entry.sensor]),
+        sensor_std=np.array([sensor.std_K for sensor in entry.sensor]),
         apparent_strain=_MICRO * np.array(entry.apparent_strain_um_per_m, dtype=float),
         gauge_factor_slope=_PER_100K * entry.gauge_factor_percent_per_100K,
         modulus_slope=_PER_100K * entry.modulus_percent_per_100K,

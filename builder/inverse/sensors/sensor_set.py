@@ -372,23 +372,23 @@ def joined_terms(
     read against, and for ``errors`` that both share.
     """
     n_s = len(sensors.rows)
-    first, *others = terms
+    first, *remaining = terms
     n_g = len(first.strain)
-    own = first.padded(0, n_s).covariance
-    own[n_g:, n_g:] = sensors.covariance
-    joined = [gauge_noise(own)]
-    of_both = {one.name: one.strain for one in errors if one.name in sensors.shared}
-    for term in others:
+    covariance = first.padded(0, n_s).covariance
+    covariance[n_g:, n_g:] = sensors.covariance
+    joined = [gauge_noise(covariance)]
+    of_both = {error.name: error.strain for error in errors if error.name in sensors.shared}
+    for term in remaining:
         if term.name in of_both:
             strain = np.hstack([of_both[term.name], ensemble.responses(sensors.shared[term.name])])
             joined.append(
                 replace(common_error(term.name, strain, 1.0, ensemble.member_weight), hardware=term.hardware)
             )
             continue
-        whole = term.padded(0, n_s)
+        padded_term = term.padded(0, n_s)
         if term.name == "internal pressure":
-            whole.strain[n_g:] = sensors.inside
-        joined.append(whole)
+            padded_term.strain[n_g:] = sensors.inside
+        joined.append(padded_term)
     return [*joined, *(term.padded(n_g, 0) for term in sensors.terms)]
 
 
@@ -401,21 +401,21 @@ def joined_errors(
     """
     n_s = len(sensors.rows)
 
-    def padded(one: HardwareError, above: int, below: int) -> HardwareError:
+    def padded(error: HardwareError, above: int, below: int) -> HardwareError:
         return replace(
-            one,
-            operator=np.pad(one.operator, ((above, below), (0, 0))),
-            strain=np.pad(one.strain, ((0, 0), (above, below))),
+            error,
+            operator=np.pad(error.operator, ((above, below), (0, 0))),
+            strain=np.pad(error.strain, ((0, 0), (above, below))),
         )
 
-    def of_gauges(one: HardwareError) -> HardwareError:
-        if one.name not in sensors.shared:
-            return padded(one, 0, n_s)
-        auxiliary = sensors.shared[one.name]
+    def of_gauges(error: HardwareError) -> HardwareError:
+        if error.name not in sensors.shared:
+            return padded(error, 0, n_s)
+        auxiliary = sensors.shared[error.name]
         return replace(
-            one,
-            operator=np.vstack([one.operator, auxiliary]),
-            strain=np.hstack([one.strain, ensemble.responses(auxiliary)]),
+            error,
+            operator=np.vstack([error.operator, auxiliary]),
+            strain=np.hstack([error.strain, ensemble.responses(auxiliary)]),
         )
 
-    return [*map(of_gauges, errors), *(padded(one, n_g, 0) for one in sensors.errors)]
+    return [*map(of_gauges, errors), *(padded(error, n_g, 0) for error in sensors.errors)]

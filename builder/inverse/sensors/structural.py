@@ -100,17 +100,17 @@ def _operators(vehicle: Vehicle, mesh: MeridianMesh, grid: SurfaceGrid, harmonic
     """Return (n, n_p) readings per pressure [unit/Pa], displacements first."""
     entry, material = vehicle.sensors, wall_of(vehicle).material
     assert entry is not None
-    found = []
+    blocks = []
     if entry.displacement is not None:
         place = _displacement_places(entry.displacement, mesh)
         targets = SurfaceTargets(x=place.x, roll_angle=place.roll_angle, direction=place.direction)
-        found.append(displacement_operator(mesh, material, targets, grid, harmonics))
+        blocks.append(displacement_operator(mesh, material, targets, grid, harmonics))
     if entry.fibre is not None:
         place = _fibre_places(entry.fibre, mesh)
         gauges = place_gauges(mesh, place.position, place.direction, _fibre_names(entry.fibre))
         response = harmonic_response(mesh, material, gauges.x, grid.x, harmonics)
-        found.append(strain_operator(response, gauges, grid))
-    return np.concatenate(found)
+        blocks.append(strain_operator(response, gauges, grid))
+    return np.concatenate(blocks)
 
 
 def _shared_errors(
@@ -124,14 +124,14 @@ def _shared_errors(
                 f"noise.{kind.entry}: expected 0 with sensors.displacement or sensors.fibre, whose readings with "
                 f"such an error are not known, got {getattr(entry, kind.entry):g}"
             )
-    found = {"common gain": 0.01 * entry.common_gain_percent * operator}
+    operators = {"common gain": 0.01 * entry.common_gain_percent * operator}
     if entry.wall_thickness_percent > 0.0:
         thin, thick = (
-            _operators(other, _mesh(other), surface, harmonics)
-            for other in (with_wall(vehicle, factor) for factor in (1.0 - WALL_STEP, 1.0 + WALL_STEP))
+            _operators(varied, _mesh(varied), surface, harmonics)
+            for varied in (with_wall(vehicle, factor) for factor in (1.0 - WALL_STEP, 1.0 + WALL_STEP))
         )
-        found["wall thickness"] = 0.01 * entry.wall_thickness_percent * ((thick - thin) / (2.0 * WALL_STEP))
-    return {name: one for name, one in found.items() if np.any(one)}
+        operators["wall thickness"] = 0.01 * entry.wall_thickness_percent * ((thick - thin) / (2.0 * WALL_STEP))
+    return {name: operator for name, operator in operators.items() if np.any(operator)}
 
 
 def _places(
@@ -141,9 +141,9 @@ def _places(
     if not len(mesh.inner_edge):
         raise InputError(f"{where}: the body is solid: it has no inner surface")
     front, aft = mesh.node[mesh.inner_edge[[0, -1], [0, 2]], 0]
-    for one in x:
-        if not front <= one <= aft:
-            raise InputError(f"{where}: expected a station from {front:g} to {aft:g} m, got {one:g}")
+    for station in x:
+        if not front <= station <= aft:
+            raise InputError(f"{where}: expected a station from {front:g} to {aft:g} m, got {station:g}")
     point, roll = inner_surface_points(mesh, x), np.deg2rad(degrees)
     across = np.column_stack([np.sin(roll), np.cos(roll)])
     if direction is None:
@@ -157,9 +157,9 @@ def _places(
 def _displacement_places(entry: Displacements, mesh: MeridianMesh) -> _Place:
     return _places(
         mesh,
-        np.array([one.x_m for one in entry.point]),
-        np.array([one.roll_deg for one in entry.point]),
-        np.array([one.direction for one in entry.point]),
+        np.array([point.x_m for point in entry.point]),
+        np.array([point.roll_deg for point in entry.point]),
+        np.array([point.direction for point in entry.point]),
         "sensors.displacement",
     )
 
@@ -179,7 +179,7 @@ def _displacement_rows(
 ) -> list[SensorRow]:
     return [
         SensorRow(
-            name=one.label,
+            name=point.label,
             kind="displacement",
             unit="m",
             position=place.position[k],
@@ -191,7 +191,7 @@ def _displacement_rows(
             follows_inside=True,
             shared={name: of_all[k] for name, of_all in shared.items()},
         )
-        for k, one in enumerate(entry.point)
+        for k, point in enumerate(entry.point)
     ]
 
 
@@ -202,7 +202,7 @@ def _fibre_rows(
     rows = []
     for k, name in enumerate(_fibre_names(entry)):
         fibre = f"fibre {entry.roll_deg[k // entry.count]:g} deg"
-        own = operator[first + k]
+        gauge_operator = operator[first + k]
         rows.append(
             SensorRow(
                 name=name,
@@ -210,12 +210,14 @@ def _fibre_rows(
                 unit="m/m",
                 position=place.position[k],
                 direction=place.direction[k],
-                operator=own,
+                operator=gauge_operator,
                 std=MICRO * entry.std_um_per_m,
                 largest=MICRO * entry.range_um_per_m,
                 follows_inside=True,
-                errors={f"{fibre}, gain": 0.01 * entry.gain_percent * own} if entry.gain_percent else {},
-                shared={one: of_all[first + k] for one, of_all in shared.items()},
+                errors={f"{fibre}, gain": 0.01 * entry.gain_percent * gauge_operator}
+                if entry.gain_percent
+                else {},
+                shared={error_name: of_all[first + k] for error_name, of_all in shared.items()},
                 drift={f"{fibre}, drift": MICRO * entry.drift_um_per_m} if entry.drift_um_per_m else {},
             )
         )

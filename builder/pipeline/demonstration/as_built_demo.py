@@ -53,7 +53,7 @@ class AsBuiltRun:
     seed: int
 
     @cached_property
-    def built(self) -> AsBuilt:
+    def flown_vehicle(self) -> AsBuilt:
         """The vehicle that flies."""
         vehicle = self.pipeline.vehicle
         std = as_built_std(vehicle.calibration, counts_of(vehicle, vehicle.gauges.layout))
@@ -68,8 +68,8 @@ class AsBuiltRun:
                 vehicle,
                 vehicle.gauges.layout,
                 resolution=vehicle.resolution.truth,
-                known_thickness=self.built.wall_thickness,
-                known_taper=self.built.wall_taper,
+                known_thickness=self.flown_vehicle.wall_thickness,
+                known_taper=self.flown_vehicle.wall_taper,
                 progress=progress,
             )
 
@@ -86,11 +86,11 @@ class AsBuiltRun:
         def write(path: Path) -> None:
             noise = load_inverse_map(self.pipeline.path(MAP)).noise_std
             random = np.random.default_rng([self.seed, 1])
-            truth, built, vehicle = self.truth, self.built, self.pipeline.vehicle
+            truth, flown_vehicle, vehicle = self.truth, self.flown_vehicle, self.pipeline.vehicle
             weighs = vehicle.material.density_kg_per_m3 is not None
             cases = standard_load_cases(CASES, vehicle.body().length, weighs)
             with self.pipeline.reporter.stage(f"Ground test: {CASES} load cases"):
-                test = simulate_ground_test(truth, built, cases, LoadErrors(), noise, random=random)
+                test = simulate_ground_test(truth, flown_vehicle, cases, LoadErrors(), noise, random=random)
             file = Path(os.path.relpath(self.vehicle_path, path.parent)).as_posix()
             write_ground_test(test, path.parent, f"{vehicle.name}: ground test", file)
 
@@ -112,8 +112,8 @@ class AsBuiltRun:
                 pipeline.reporter.note(line)
 
         def exact(path: Path) -> None:
-            none = np.zeros((len(self.built.vector),) * 2)
-            known = Remaining(parameters=self.built, covariance=none)
+            none = np.zeros((len(self.flown_vehicle.vector),) * 2)
+            known = Remaining(parameters=self.flown_vehicle, covariance=none)
             with pipeline.reporter.stage("Structure: as it may be built") as progress:
                 structure = as_built_structure(vehicle, vehicle.gauges.layout, progress=progress)
             made = calibrated_map(vehicle, load_snapshots(pipeline.path(SNAPSHOTS)), structure, known)
@@ -133,11 +133,13 @@ class AsBuiltRun:
         """Return the zeros (n_d,) [m/m] by map: before the test, from a tare, the mean of all attitudes."""
         inverse_map = load_inverse_map(self.pipeline.path(MAP))
         test, _ = read_load_test(read_test_file(self.pipeline.path(TEST)), inverse_map.gauge_names)
-        tare = [case.reading for case in test.cases if all(isinstance(one.load, Weight) for one in case.loads)]
+        tare = [
+            case.reading for case in test.cases if all(isinstance(applied.load, Weight) for applied in case.loads)
+        ]
         return {
             "before": np.mean(tare, axis=0),
             "after": load_zeros(self.pipeline.path(ZEROS), inverse_map.gauge_names).value,
-            "exact": self.built.zero,
+            "exact": self.flown_vehicle.zero,
         }
 
     def score(self, recording: Recording) -> dict[str, Any]:
@@ -155,11 +157,11 @@ class AsBuiltRun:
         return make_numbers(pipeline, "as_built.json", holds, inputs, entries)
 
     def _flown(self, recording: Recording) -> dict[str, Flown]:
-        zeros, found = self.zeros(), dict[str, Flown]()
+        zeros, flights = self.zeros(), dict[str, Flown]()
         for name, file in (("before", MAP), ("after", CALIBRATED), ("exact", EXACT)):
             inverse_map = load_inverse_map(self.pipeline.path(file))
             # The calibrated map subtracts its own.
             rest = zeros[name] - inverse_map.zero_offset[: len(zeros[name])]
             flown = flown_estimators(inverse_map, recording, zeros=rest)
-            found[name] = flown["linear" if inverse_map.manifold is None else "nonlinear"]
-        return found
+            flights[name] = flown["linear" if inverse_map.manifold is None else "nonlinear"]
+        return flights

@@ -175,8 +175,8 @@ def demo(
     loaded = with_estimator(load_vehicle(path), estimator)
     if loaded.sensors is not None and ground_test is not None:
         raise InputError("sensors: expected none with --as-built, whose test is of strain gauges alone")
-    given = FilesGiven(snapshots=snapshots, structure=structure, rebuild=rebuild)
-    pipeline, conditions = open_pipeline(loaded, Path(output), reporter, given)
+    files_given = FilesGiven(snapshots=snapshots, structure=structure, rebuild=rebuild)
+    pipeline, conditions = open_pipeline(loaded, Path(output), reporter, files_given)
     if can:
         from builder.pipeline.demonstration.bus_flight import (
             CYCLE_TIME,
@@ -217,15 +217,15 @@ def _flown(
         return _result(pipeline, MAP, recording, physics)
     reporter.note(physics.sentence)
     if ground_test is None:
-        built = vehicle_as_built(vehicle, as_built)
-        inputs, seed = {"as built": built.record(IN_NOISE)}, None if as_built is None else [as_built, 1]
-        make_flight_model(pipeline, inputs, lambda: true_structure_of(pipeline), built, seed)
+        flown_vehicle = vehicle_as_built(vehicle, as_built)
+        inputs, seed = {"as built": flown_vehicle.record(IN_NOISE)}, None if as_built is None else [as_built, 1]
+        make_flight_model(pipeline, inputs, lambda: true_structure_of(pipeline), flown_vehicle, seed)
         recording = _flight(pipeline, MAP, path, {})
     else:
         run = AsBuiltRun(pipeline=pipeline, vehicle_path=vehicle_path, seed=ground_test)
         run.make_test()
         run.make_maps()
-        make_flight_model(pipeline, run.inputs, lambda: run.truth, run.built)
+        make_flight_model(pipeline, run.inputs, lambda: run.truth, run.flown_vehicle)
         recording = _flight(pipeline, CALIBRATED, path, run.start_values())
     more = {"held_out": _held_out(pipeline) if snapshots.engine == "table" else {}}
     title = vehicle.name + ("" if physics.is_that_of_map else f" (flies {physics.model})")
@@ -262,10 +262,10 @@ def _result(
 
 def errors_in_sigma(inverse_map: InverseMap) -> tuple[str, ...]:
     """Return the names of the errors that the sigmas of ``inverse_map`` hold, of the estimator it is for."""
-    held = inverse_map.provenance
-    names = [term["name"] for term in held.get("noise_terms", [])]
+    provenance = inverse_map.provenance
+    names = [term["name"] for term in provenance.get("noise_terms", [])]
     if inverse_map.manifold is not None:
-        of_tables = [term["name"] for term in held.get("table_error_terms", [])]
+        of_tables = [term["name"] for term in provenance.get("table_error_terms", [])]
         names = [name for name in names if name not in ("truncated modes", *of_tables)] + of_tables
     terms = tuple(names)
     return (*terms, "dynamic pressure") if inverse_map.dynamic_pressure_error > 0.0 else terms

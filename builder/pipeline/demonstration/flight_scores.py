@@ -193,7 +193,7 @@ class LeftOut(NamedTuple):
 
 def left_out_parts(snapshots: Snapshots) -> list[LeftOut]:
     """Return the parts of the flows of ``snapshots`` to leave out in turn; empty where there are too few flows."""
-    key = np.round([(one.mach_number, one.total_incidence) for one in snapshots.conditions()], 6)
+    key = np.round([(condition.mach_number, condition.total_incidence) for condition in snapshots.conditions()], 6)
     mach, incidence = np.unique(key[:, 0]), np.unique(key[:, 1])
     flows = np.unique(key, axis=0)
     inner = [mach[1:-1], incidence[:-1]]
@@ -205,17 +205,19 @@ def left_out_parts(snapshots: Snapshots) -> list[LeftOut]:
     if len(flows) < len(mach) * len(incidence):
         inside = flows[(flows[:, 1] < incidence[-1]) & np.isin(flows[:, 0], inner[0])]
         parts = [inside[first::5] for first in range(min(5, len(inside)))]
-        return [part(f"part {i} of {len(parts)}", _rows(key, one)) for i, one in enumerate(parts, start=1)]
-    of_mach = [(f"M {one:g}", key[:, 0] == one) for one in inner[0]]
-    of_incidence = [(f"total incidence {degrees(one):.4g} deg", key[:, 1] == one) for one in inner[1]]
+        return [part(f"part {i} of {len(parts)}", _rows(key, keys)) for i, keys in enumerate(parts, start=1)]
+    of_mach = [(f"M {mach:g}", key[:, 0] == mach) for mach in inner[0]]
+    of_incidence = [
+        (f"total incidence {degrees(incidence):.4g} deg", key[:, 1] == incidence) for incidence in inner[1]
+    ]
     named = [
         of_mach if len(mach) > FEWEST_KNOTS else [],
         of_incidence if len(incidence) > FEWEST_KNOTS + 1 else [],
     ]
     half = MOST_PARTS // 2
-    room = [max(half, MOST_PARTS - len(other)) for other in reversed(named)]
-    chosen = [_spread(one, count) for one, count in zip(named, room, strict=True)]
-    return [part(name, np.flatnonzero(rows)) for one in chosen for name, rows in one]
+    room = [max(half, MOST_PARTS - len(group)) for group in reversed(named)]
+    chosen = [_spread(group, count) for group, count in zip(named, room, strict=True)]
+    return [part(name, np.flatnonzero(rows)) for group in chosen for name, rows in group]
 
 
 def _rows(key: FloatArray, flows: FloatArray) -> IntArray:
@@ -287,11 +289,11 @@ def held_out_score(
 
 def _true_structure(vehicle: Vehicle) -> TrueStructure:
     """Return the structure of the independent model with the pressure nodes of the map, where the results are."""
-    own, truth = vehicle.resolution.map, vehicle.resolution.truth
+    of_map, truth = vehicle.resolution.map, vehicle.resolution.truth
     nodes = {
-        "surface_stations": own.surface_stations,
-        "surface_roll_angles": own.surface_roll_angles,
-        "harmonics": min(truth.harmonics, (own.surface_roll_angles - 1) // 2),
+        "surface_stations": of_map.surface_stations,
+        "surface_roll_angles": of_map.surface_roll_angles,
+        "harmonics": min(truth.harmonics, (of_map.surface_roll_angles - 1) // 2),
     }
     resolution = vehicle.resolution.model_copy(update={"truth": truth.model_copy(update=nodes)})
     return true_structure(vehicle.model_copy(update={"resolution": resolution}))

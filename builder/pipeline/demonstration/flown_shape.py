@@ -61,8 +61,8 @@ ESTIMATOR, PLANT, FLIGHT_MODEL, FLIGHT = "estimator.fmu", "plant.fmu", "flight_m
 
 def digest_of(library: str) -> str:
     """Return what identifies the compiled code of ``library`` on all platforms."""
-    found = shipped_libraries(library)
-    return sha256(b"".join(content for _, (_, content) in sorted(found.items()))).hexdigest()
+    libraries = shipped_libraries(library)
+    return sha256(b"".join(content for _, (_, content) in sorted(libraries.items()))).hexdigest()
 
 
 def make_estimator(pipeline: Pipeline, map_name: str = MAP, takes_zeros: bool = False) -> None:
@@ -80,21 +80,21 @@ def make_flight_model(
     pipeline: Pipeline,
     inputs: dict[str, Any],
     solved: Callable[[], TrueStructure | AsBuiltStructure],
-    built: AsBuilt,
+    as_built: AsBuilt,
     seed: list[int] | None = None,
 ) -> None:
-    """Make the flight model of a vehicle as ``built``, of the structure that is ``solved``; ``seed`` draws the
+    """Make the flight model of a vehicle ``as_built``, of the structure that is ``solved``; ``seed`` draws the
     errors of its auxiliary sensors."""
     make_independent_flows(pipeline)
 
     def write(path: Path) -> None:
         vehicle, structure = pipeline.vehicle, solved()
-        found = flown_sensors(vehicle, structure.surface)
+        flown = flown_sensors(vehicle, structure.surface)
         sensors = (
-            None if found is None else found.built(built, None if seed is None else np.random.default_rng(seed))
+            None if flown is None else flown.built(as_built, None if seed is None else np.random.default_rng(seed))
         )
         flows, noise = load_flow_table(pipeline.path(FLOWS)), load_inverse_map(pipeline.path(MAP)).noise_std
-        save_flight_model(flight_model(vehicle, flows, structure, built, float(noise[0]), sensors), path)
+        save_flight_model(flight_model(vehicle, flows, structure, as_built, float(noise[0]), sensors), path)
 
     made_from = {"map": pipeline.made_from(MAP), "flows": pipeline.made_from(FLOWS)}
     inputs = {"schema_version": flight_model_file.SCHEMA_VERSION, **made_from, **inputs}
@@ -175,9 +175,9 @@ def check_parameters(
     for i, name in enumerate(vehicle.conditions.parameters):
         known = [c.parameters[i] for c in conditions]
         flown = [FlightCondition.of_row(row).parameters[i] for row in trajectory.conditions.tolist()]
-        beyond = [max(min(known) - value, value - max(known)) for value in flown]
-        worst = max(range(len(flown)), key=beyond.__getitem__)
-        if beyond[worst] > ROUND_OFF:
+        excess = [max(min(known) - value, value - max(known)) for value in flown]
+        worst = max(range(len(flown)), key=excess.__getitem__)
+        if excess[worst] > ROUND_OFF:
             faults.append(
                 f"{path}: {name}: expected {min(known):g} .. {max(known):g}, the range of the snapshots, got "
                 f"{flown[worst]:g} at {trajectory.time[worst]:g} s"
@@ -200,19 +200,19 @@ def manoeuvre_warnings(
     """
     flown = [FlightCondition.of_row(row) for row in trajectory.conditions.tolist()]
 
-    def both(of: Callable[[FlightCondition], float]) -> tuple[list[float], list[float]]:
-        return [of(c) for c in flown], [of(c) for c in conditions]
+    def both(measure: Callable[[FlightCondition], float]) -> tuple[list[float], list[float]]:
+        return [measure(c) for c in flown], [measure(c) for c in conditions]
 
     ranges = [("Mach number", "", *both(lambda c: c.mach_number))]
     if not (of_revolution and vehicle.map.symmetry == "full"):
         ranges.append(("angle of attack", " deg", *both(lambda c: degrees(c.angle_of_attack))))
         ranges.append(("sideslip angle", " deg", *both(lambda c: degrees(c.sideslip_angle))))
-    total, held = both(lambda c: degrees(c.total_incidence))
-    ranges.append(("total incidence", " deg", total, [0.0, *held]))
+    total, known = both(lambda c: degrees(c.total_incidence))
+    ranges.append(("total incidence", " deg", total, [0.0, *known]))
     heights, listed = both(lambda c: 1e-3 * c.altitude)
     covered = list(vehicle.map.valid_altitude_km) if vehicle.map.follows_pressure else listed
     ranges.append((ALTITUDE, " km", heights, covered))
-    largest = max(total), max(held)
+    largest = max(total), max(known)
     radians = "warning: the manoeuvre flies {:.4g} deg at most, the map covers {:.4g} deg: in radians?"
     return [radians.format(*largest)] * is_in_radians(*largest) + [
         f"warning: the manoeuvre flies {name} {min(values):.4g} to {max(values):.4g}{unit}, the map covers "
@@ -227,7 +227,7 @@ OF_ROLLING = (ROLLING, f"sigma.{ROLLING}")
 """Outputs of FMUs whose map is in form "dynamic_pressure"."""
 
 
-def fly_free_shape(pipeline: Pipeline, path: Trajectory, built: AsBuilt) -> Recording:
+def fly_free_shape(pipeline: Pipeline, path: Trajectory, as_built: AsBuilt) -> Recording:
     """Make the FMU and its flight along ``path``, with figures, in the pipeline's folder; return the recording."""
     vehicle = pipeline.vehicle
     make_estimator(pipeline)
@@ -236,27 +236,27 @@ def fly_free_shape(pipeline: Pipeline, path: Trajectory, built: AsBuilt) -> Reco
         "trajectory": vehicle.manoeuvre().read_bytes().hex(),
         "resolution": vehicle.resolution.truth.model_dump(),
         "structure": pipeline.made_from(STRUCTURE),
-        "as built": built.record(IN_NOISE),
+        "as built": as_built.record(IN_NOISE),
     }
     holds = "the estimator's flight: strains, truth, estimates"
-    recording = make_flight(pipeline, holds, inputs, lambda: _fly(pipeline, path, built))
+    recording = make_flight(pipeline, holds, inputs, lambda: _fly(pipeline, path, as_built))
     make_coefficients(pipeline, recording, vehicle.name)
     make_pictures(pipeline)
     return recording
 
 
-def _fly(pipeline: Pipeline, path: Trajectory, built: AsBuilt) -> Recording:
-    """Step the estimator FMU through the flight of a vehicle as ``built``."""
+def _fly(pipeline: Pipeline, path: Trajectory, as_built: AsBuilt) -> Recording:
+    """Step the estimator FMU through the flight of a vehicle ``as_built``."""
     vehicle, inverse_map = pipeline.vehicle, load_inverse_map(pipeline.path(MAP))
     time = STEP_SIZE * np.arange(round(path.stop_time / STEP_SIZE) + 1, dtype=np.float64)
     flows = flows_along(vehicle, path, pipeline.reporter)
     structure = flying_structure(vehicle, load_structure(pipeline.path(STRUCTURE)), pipeline.reporter)
     flown = list(flights_along(vehicle, structure, flows, time, path))
     conditions = [condition for part in flown for condition in part.conditions]
-    strain = np.concatenate([part.read(built) for part in flown])
+    strain = np.concatenate([part.read(as_built) for part in flown])
     strain = strain + np.random.default_rng(NOISE_SEED).standard_normal(strain.shape) * inverse_map.noise_std
     pressure = np.concatenate([part.dynamic_pressure for part in flown])
-    stated = pressure * (1.0 + built.dynamic_pressure.item())
+    stated = pressure * (1.0 + as_built.dynamic_pressure.item())
     parameters = tuple(vehicle.conditions.parameters)
     flow = (Q_SOURCE, MACH_NUMBER, ALTITUDE, *(f"{PREFIX}{name}" for name in parameters))
     rows, cost, measured = [], [], float(QSource.INDEPENDENT)

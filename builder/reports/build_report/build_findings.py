@@ -86,7 +86,7 @@ class BuildReport:
     @property
     def blind_classes(self) -> tuple[int, ...]:
         """Indices in ``symmetries`` of the classes that the gauges do not respond to."""
-        return tuple(i for i, one in enumerate(self.symmetries) if one.blind)
+        return tuple(i for i, symmetry in enumerate(self.symmetries) if symmetry.blind)
 
 
 def build_report(
@@ -166,8 +166,8 @@ def _same(solution: Solution, inverse_map: InverseMap) -> bool:
     # A A' does not depend on the choice of states, nor on those that no gauge observes.
     pairs = ((solution.noise.covariance, inverse_map.noise_covariance), (a @ a.T, b @ b.T))
     return all(
-        one.shape == other.shape and np.linalg.norm(one - other) <= 1e-6 * np.linalg.norm(other)
-        for one, other in pairs
+        first.shape == second.shape and np.linalg.norm(first - second) <= 1e-6 * np.linalg.norm(second)
+        for first, second in pairs
     )
 
 

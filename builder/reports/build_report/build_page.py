@@ -96,14 +96,14 @@ STRAINS_OF_GAUGES = "The maximum strain of each gauge over the snapshots is in t
 
 
 def _opening(report: BuildReport) -> tuple[Block, ...]:
-    one, used, screen = report.inverse_map, report.in_use, first_screen(report)
-    modes = "POD modes, by least squares" if one.case == 1 else "states under a Gaussian prior"
-    of_linear = f"Case {one.case}, {one.n_states} {modes}"
+    inverse_map, used, screen = report.inverse_map, report.in_use, first_screen(report)
+    modes = "POD modes, by least squares" if inverse_map.case == 1 else "states under a Gaussian prior"
+    of_linear = f"Case {inverse_map.case}, {inverse_map.n_states} {modes}"
     both = f"nonlinear, and the linear map ({of_linear}) where strain does not fit the tables"
     return (
         Paragraph(report.origin.sentence),
         Paragraph(
-            f"Layout {report.layout}, {one.n_gauges} gauges; estimator: "
+            f"Layout {report.layout}, {inverse_map.n_gauges} gauges; estimator: "
             f"{both if used.is_nonlinear else f'linear, {of_linear}'}; "
             f"flow by the {report.engine} engine, structure: {report.structural_model}."
         ),
@@ -128,24 +128,24 @@ def _opening(report: BuildReport) -> tuple[Block, ...]:
 
 def _choice(report: BuildReport) -> list[Block]:
     """Return which estimator "auto" uses, and why, where it decided."""
-    held = report.inverse_map.provenance.get("estimator_choice")
-    if held is None:
+    choice = report.inverse_map.provenance.get("estimator_choice")
+    if choice is None:
         return []
-    on = f", on {held['flights']}" if held["flights"] else ""
-    return [Paragraph(f"map.estimator = 'auto' uses the {held['used']} estimator: {held['why']}{on}.")]
+    on = f", on {choice['flights']}" if choice["flights"] else ""
+    return [Paragraph(f"map.estimator = 'auto' uses the {choice['used']} estimator: {choice['why']}{on}.")]
 
 
-def _without_hardware(found: CoefficientSources) -> list[Block]:
+def _without_hardware(sources: CoefficientSources) -> list[Block]:
     """Return the sigmas without hardware errors, where there are any."""
-    if not found.hardware:
+    if not sources.hardware:
         return []
-    ratio = found.std_without(found.hardware) / found.std
+    ratio = sources.std_without(sources.hardware) / sources.std
     parts = [
         f"{name} {percent(fraction, '.3g')}"
-        for name, fraction in zip(COEFFICIENT_NAMES, found.std_of_range * ratio, strict=True)
+        for name, fraction in zip(COEFFICIENT_NAMES, sources.std_of_range * ratio, strict=True)
         if np.isfinite(fraction)
     ]
-    text = f"{len(found.hardware)} of these are installation errors. Without them sigma over the range would be "
+    text = f"{len(sources.hardware)} of these are installation errors. Without them sigma over the range would be "
     return [Paragraph(f"{text}{', '.join(parts)}.")]
 
 

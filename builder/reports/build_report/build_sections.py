@@ -51,7 +51,7 @@ def model_form_line(report: BuildReport) -> str | None:
     if used.std_without_model_form is None:
         return None
     pairs = zip(COEFFICIENT_NAMES, used.coefficients.std, used.std_without_model_form, strict=True)
-    text = ", ".join(f"{name} {whole:.2g} ({alone:.2g})" for name, whole, alone in pairs)
+    text = ", ".join(f"{name} {total:.2g} ({alone:.2g})" for name, total, alone in pairs)
     return (
         f"Rms sigma with the model-form error (viscosity, real gas, leeward flow; map.model_form_percent "
         f"{report.model_form_percent:g}), in brackets with numerical error alone: {text}."
@@ -234,15 +234,15 @@ def uncertainty(report: BuildReport, tables: dict[str, Table]) -> Section:
     )
 
 
-def flight_accuracy(of: FlightAccuracy, tables: dict[str, Table]) -> Section:
+def flight_accuracy(accuracy: FlightAccuracy, tables: dict[str, Table]) -> Section:
     """Return the section on the nonlinear estimator."""
     maps = [
         *(
-            AccuracyMap(label=f"{name} [1]", std=of.coefficient_std[..., k], identified=None)
+            AccuracyMap(label=f"{name} [1]", std=accuracy.coefficient_std[..., k], identified=None)
             for k, name in enumerate(COEFFICIENT_NAMES)
         ),
         *(
-            AccuracyMap(label=label, std=scale * of.air_data(name), identified=of.is_identified(name))
+            AccuracyMap(label=label, std=scale * accuracy.air_data(name), identified=accuracy.is_identified(name))
             for name, label, scale in AIR_DATA_SHOWN
         ),
     ]
@@ -251,12 +251,12 @@ def flight_accuracy(of: FlightAccuracy, tables: dict[str, Table]) -> Section:
         (
             Paragraph(
                 "Standard deviations that the nonlinear estimator states, by Mach number and total incidence of "
-                f"the flight, at p_inf = {1e-3 * of.static_pressure:.4g} kPa: rms values over the roll angle of "
-                "the wind. With M, p_inf and q_inf of navigation, each with the map's standard deviation, and "
-                "with q_inf alone."
+                f"the flight, at p_inf = {1e-3 * accuracy.static_pressure:.4g} kPa: rms values over the "
+                "roll angle of the wind. With M, p_inf and q_inf of navigation, each with the map's standard "
+                "deviation, and with q_inf alone."
             ),
             picture(
-                accuracy_maps(of.mach_number, np.degrees(of.total_incidence), NAVIGATION, maps),
+                accuracy_maps(accuracy.mach_number, np.degrees(accuracy.total_incidence), NAVIGATION, maps),
                 "Standard deviations over Mach number and total incidence. Hatched: strain and navigation do not "
                 "identify the quantity at half of the roll angles or more; the ranges of the map are as good.",
                 "Maps of standard deviations over Mach number and total incidence, a row for each navigation.",
@@ -338,14 +338,14 @@ def gamma_choice(report: BuildReport, tables: dict[str, Table]) -> Section:
                 uncertainty_figures.eigenvalues(
                     report.gamma.eigenvalues,
                     report.gamma.gamma,
-                    [main_class(one)[0] for one in report.gamma.mode_classes],
+                    [main_class(mode_class)[0] for mode_class in report.gamma.mode_classes],
                 ),
                 "Eigenvalues of the prior-preconditioned Hessian, and filter factors lambda / (lambda + gamma).",
                 "Falling eigenvalues with gamma as a line, and bars of filter factors.",
                 "svg",
             ),
             picture(
-                uncertainty_figures.l_curve(report.gamma.curve, report.gamma.found),
+                uncertainty_figures.l_curve(report.gamma.curve, report.gamma.rule_gammas),
                 "L-curve: size of the states against size of the residual, with the gamma of every rule.",
                 "Curve of solution norm over residual norm with marks for each rule.",
                 "svg",

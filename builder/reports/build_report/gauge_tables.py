@@ -16,8 +16,8 @@ from strainfmu.estimator.map.sensors import shown_units
 
 def gauges(report: BuildReport) -> Table:
     """Return the table of the strain gauges."""
-    held = _rows_of_map(report, range(report.inverse_map.n_strain_gauges))
-    rows = [(name, *place, *values) for name, place, values in held]
+    gauge_rows = _rows_of_map(report, range(report.inverse_map.n_strain_gauges))
+    rows = [(name, *place, *values) for name, place, values in gauge_rows]
     columns = (Column("gauge"), *_PLACE, *_value_columns("um/m", "maximum |strain|"))
     return make_table(
         "gauges", "Every gauge: position, cost of its loss, detectable and isolable bias.", columns, rows
@@ -28,9 +28,9 @@ def sensors_table(report: BuildReport) -> Table:
     """Return the table of the auxiliary sensors, each in its own unit."""
     sensors = report.inverse_map.sensors
     rows = range(sensors.n_strain_gauges, len(sensors.kind))
-    held = _rows_of_map(report, rows)
+    sensor_rows = _rows_of_map(report, rows)
     kinds = zip(sensors.kind[rows.start :], sensors.unit[rows.start :], strict=True)
-    content = [(one[0], *two, *one[1], *one[2]) for one, two in zip(held, kinds, strict=True)]
+    content = [(row[0], *two, *row[1], *row[2]) for row, two in zip(sensor_rows, kinds, strict=True)]
     columns = (
         Column("sensor"),
         Column("kind"),
@@ -61,20 +61,20 @@ def _value_columns(unit: str, largest: str) -> tuple[Column, ...]:
 
 def _rows_of_map(report: BuildReport, rows: range) -> list[tuple[str, tuple[Any, ...], tuple[Any, ...]]]:
     """Return name, place and values of ``rows`` of the map, in the units that are shown."""
-    one, value = report.inverse_map, report.gauges
-    units = shown_units(one.sensors)
-    position = one.gauge_position
+    inverse_map, value = report.inverse_map, report.gauges
+    units = shown_units(inverse_map.sensors)
+    position = inverse_map.gauge_position
     roll = [degrees(angle) % 360.0 for angle in np.arctan2(position[:, 1], position[:, 2])]
-    directions = direction_names(position, one.gauge_direction)
+    directions = direction_names(position, inverse_map.gauge_direction)
     worst = np.argmax(value.undetected_effect, axis=1)
     return [
         (
-            one.gauge_names[i],
+            inverse_map.gauge_names[i],
             # A value just below 360 deg is 0.
             (position[i, 0], roll[i] if roll[i] < 360.0 - 1e-9 else 0.0, directions[i]),
             (
-                units[i][0] * one.noise_std[i],
-                units[i][0] * one.strain_range[i],
+                units[i][0] * inverse_map.noise_std[i],
+                units[i][0] * inverse_map.strain_range[i],
                 value.leverage[i],
                 *(100.0 * (value.growth[i] - 1.0)),
                 units[i][0] * value.detectable_bias[i],

@@ -38,7 +38,7 @@ class CalibrationFindings:
     Attributes
     ----------
     title : of the page.
-    found : the estimate.
+    estimate : from the readings.
     faults : gauges and load cases that were left out.
     outside : tests of what is taken for zero.
     left_out : each case predicted from the others.
@@ -53,7 +53,7 @@ class CalibrationFindings:
     """
 
     title: str
-    found: Estimate
+    estimate: Estimate
     faults: tuple[Fault, ...]
     outside: OutsideModel
     left_out: tuple[LeftOut, ...]

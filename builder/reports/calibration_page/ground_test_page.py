@@ -39,7 +39,7 @@ FIGURES_NEED = "Figures need matplotlib: pip install 'strainfmu[report]'."
 def calibration_page(findings: CalibrationFindings) -> Page:
     """Return the page."""
     screen = verdict(findings)
-    estimate = findings.found
+    estimate = findings.estimate
     sections = (
         Section("Influence coefficients", _influence(estimate)),
         Section("Residuals", _residuals(findings)),
@@ -58,7 +58,7 @@ def calibration_page(findings: CalibrationFindings) -> Page:
 
 
 def _opening(findings: CalibrationFindings, screen: Verdict) -> tuple[Block, ...]:
-    estimate, said = findings.found, remarks(findings.found)
+    estimate, said = findings.estimate, remarks(findings.estimate)
     left_out = (*estimate.model.test.left_out, *(fault.line for fault in findings.faults))
     when = f"Tested on {findings.tested_on}. " if findings.tested_on else ""
     cards = (
@@ -123,12 +123,12 @@ def _influence(estimate: Estimate) -> tuple[Block, ...]:
 
 def _residuals(findings: CalibrationFindings) -> tuple[Block, ...]:
     figures = _drawn(
-        lambda: ground_test.residual_figure(findings.found),
+        lambda: ground_test.residual_figure(findings.estimate),
         "Measured less predicted, in standard deviations of the readings; grey readings are not used.",
         "Map of residuals: load cases down, gauges across.",
     )
     cross = tables.cross_table(findings.left_out)
-    return (*figures, tables.cases_table(findings.found), cross, tables.gauges_table(findings.found))
+    return (*figures, tables.cases_table(findings.estimate), cross, tables.gauges_table(findings.estimate))
 
 
 def _steps(findings: CalibrationFindings) -> tuple[Block, ...]:
@@ -139,19 +139,19 @@ def _steps(findings: CalibrationFindings) -> tuple[Block, ...]:
                 "[[case.step]] of its file states them."
             ),
         )
-    names = findings.found.model.structure.gauges.names
+    names = findings.estimate.model.structure.gauges.names
     figures = _drawn(
         lambda: ground_test.steps_figure(findings.steps, names),
         "Readings over the load: circles and full lines loading, squares and broken lines unloading.",
         "Strain over load for loading and unloading, the gauges of the largest strain.",
     )
-    said = step_remarks(findings.found.model.test) or ("Readings repeat within their noise.",)
+    said = step_remarks(findings.estimate.model.test) or ("Readings repeat within their noise.",)
     return (Items(said), *figures, tables.steps_table(findings.steps, names))
 
 
 def _checks(findings: CalibrationFindings) -> tuple[Block, ...]:
     figures = _drawn(
-        lambda: ground_test.check_figure(findings.found, findings.checks, findings.equations),
+        lambda: ground_test.check_figure(findings.estimate, findings.checks, findings.equations),
         "Predicted and applied loads.",
         "Differences of predicted from applied loads, with three standard deviations.",
     )
@@ -179,7 +179,7 @@ def _coverage(findings: CalibrationFindings) -> tuple[Block, ...]:
         f"{larger} of {len(worth.flight_strain)} gauges strain more in flight than in any case."
     )
     figures = _drawn(
-        lambda: ground_test.coverage_figure(worth, findings.found.model.structure.gauges.names),
+        lambda: ground_test.coverage_figure(worth, findings.estimate.model.structure.gauges.names),
         "Left: range of each load in flight, and the cases. Right: largest strain of each gauge.",
         "Loads and strains in flight and in the ground test.",
     )
@@ -192,7 +192,7 @@ def _equations(findings: CalibrationFindings) -> tuple[Block, ...]:
         "least squares, gauges chosen by T, coefficient over standard error (Skopinski, Aiken and Huston, NACA "
         "Report 1178). Where pads load a few places and flight loads the whole body, they err in flight."
     )
-    return (Paragraph(text), tables.equations_table(findings.found, findings.equations))
+    return (Paragraph(text), tables.equations_table(findings.estimate, findings.equations))
 
 
 def _origin(findings: CalibrationFindings) -> tuple[Block, ...]:

@@ -210,7 +210,7 @@ def equations_table(estimate: Estimate, equations: Sequence[LoadEquation]) -> Ta
 def criteria_table(criteria: Sequence[Criterion]) -> Table:
     """Return the criteria of acceptance."""
     columns = (Column("criterion"), Column("found"), Column("allowed"), Column("holds"))
-    rows = [[criterion.name, criterion.found, criterion.allowed, criterion.holds] for criterion in criteria]
+    rows = [[criterion.name, criterion.actual, criterion.allowed, criterion.holds] for criterion in criteria]
     return make_table("criteria", "The test is accepted where all criteria hold.", columns, rows)
 
 

@@ -38,7 +38,7 @@ class Criterion:
     """One criterion: what it asks, what was found, what is allowed, whether it holds, and what to do if not."""
 
     name: str
-    found: str
+    actual: str
     allowed: str
     holds: bool
     remedy: str
@@ -66,7 +66,7 @@ class Verdict:
             "criteria": [
                 {
                     "name": criterion.name,
-                    "found": criterion.found,
+                    "found": criterion.actual,
                     "allowed": criterion.allowed,
                     "holds": criterion.holds,
                 }
@@ -83,12 +83,12 @@ class Verdict:
     def reasons(self) -> tuple[str, ...]:
         """Why: what does not hold, with its remedy; all criteria where they do."""
         wrong = tuple(
-            f"{criterion.name}: {criterion.found}, allowed {criterion.allowed}; {criterion.remedy}"
+            f"{criterion.name}: {criterion.actual}, allowed {criterion.allowed}; {criterion.remedy}"
             for criterion in self.criteria
             if not criterion.holds
         )
         return wrong or tuple(
-            f"{criterion.name}: {criterion.found}, allowed {criterion.allowed}" for criterion in self.criteria
+            f"{criterion.name}: {criterion.actual}, allowed {criterion.allowed}" for criterion in self.criteria
         )
 
 
@@ -96,7 +96,7 @@ def verdict(findings: CalibrationFindings) -> Verdict:
     """Return the verdict on a calibration."""
     return Verdict(
         criteria=(
-            _agreement(findings.found),
+            _agreement(findings.estimate),
             _outside(findings),
             _enough(findings),
             _predicted(findings),
@@ -111,7 +111,7 @@ def verdict(findings: CalibrationFindings) -> Verdict:
 def _agreement(estimate: Estimate) -> Criterion:
     return Criterion(
         name="Readings fit the model: chi-square per reading",
-        found=f"{estimate.per_reading:.3g}{'' if estimate.settled else ', steps did not settle'}",
+        actual=f"{estimate.per_reading:.3g}{'' if estimate.settled else ', steps did not settle'}",
         allowed=f"{1.0 - estimate.allowed:.2f} to {1.0 + estimate.allowed:.2f}",
         holds=estimate.agrees and estimate.settled,
         remedy=estimate.unsettled or "check loads, noise and tolerances as stated",
@@ -121,7 +121,7 @@ def _agreement(estimate: Estimate) -> Criterion:
 def _outside(findings: CalibrationFindings) -> Criterion:
     return Criterion(
         name="Errors outside the model",
-        found="found" if findings.outside.found else "none found",
+        actual="found" if findings.outside.found else "none found",
         allowed="none",
         holds=not findings.outside.found,
         remedy="state their size in the vehicle file and calibrate again",
@@ -133,7 +133,7 @@ def _enough(findings: CalibrationFindings) -> Criterion:
     worst = int(ratio.argmax())
     return Criterion(
         name="Sigma in flight, in units of a vehicle known exactly",
-        found=f"at most {ratio[worst]:.2f} ({COEFFICIENT_NAMES[worst]})",
+        actual=f"at most {ratio[worst]:.2f} ({COEFFICIENT_NAMES[worst]})",
         allowed=f"{IN_FLIGHT:g}",
         holds=bool(ratio[worst] <= IN_FLIGHT),
         remedy=f"apply further cases, first '{findings.worth.further}'",
@@ -150,18 +150,18 @@ def _predicted(findings: CalibrationFindings) -> Criterion:
         off = [abs(check.difference) for check in findings.checks if not np.isnan(check.difference)]
         return Criterion(
             name="Check loads that were not fitted are predicted",
-            found=f"{sum(a and b for a, b in zip(good, fits, strict=True))} of {len(good)}"
+            actual=f"{sum(a and b for a, b in zip(good, fits, strict=True))} of {len(good)}"
             + (f", off by {100.0 * max(off):.2g} % at most" if off else ""),
             allowed=f"all, within {100.0 * LOAD:g} % or {SIGMAS:g} sigma, readings within chance",
             holds=all(good) and all(fits),
             remedy="find what differs between them and the fitted cases",
         )
-    gauges = int(np.median(findings.found.used.sum(axis=1)[findings.found.used.any(axis=1)]))
+    gauges = int(np.median(findings.estimate.used.sum(axis=1)[findings.estimate.used.any(axis=1)]))
     limit = float(chdtri(gauges, CHANCE)) / gauges
     worst = max(findings.left_out, key=lambda case: case.chi_square)
     return Criterion(
         name="No check loads: each case is predicted from the others, chi-square per reading",
-        found=f"at most {worst.chi_square:.2f} ('{worst.case}')",
+        actual=f"at most {worst.chi_square:.2f} ('{worst.case}')",
         allowed=f"{limit:.2f}",
         holds=worst.chi_square <= limit,
         remedy="repeat that case",
@@ -169,12 +169,12 @@ def _predicted(findings: CalibrationFindings) -> Criterion:
 
 
 def _left_out(findings: CalibrationFindings) -> Criterion:
-    test, used = findings.found.model.test, findings.found.used
+    test, used = findings.estimate.model.test, findings.estimate.used
     fitted = used[test.fitted]
     gauges, cases = int((~fitted.any(axis=0)).sum()), int((~fitted.any(axis=1)).sum())
     return Criterion(
         name="Left out",
-        found=f"{gauges} of {fitted.shape[1]} gauges, {cases} of {len(fitted)} cases",
+        actual=f"{gauges} of {fitted.shape[1]} gauges, {cases} of {len(fitted)} cases",
         allowed=f"{100.0 * PART:g} % of each",
         holds=gauges <= PART * fitted.shape[1] and cases <= PART * len(fitted),
         remedy="repair the channels and repeat the cases that are named",
@@ -193,7 +193,7 @@ def _established(findings: CalibrationFindings) -> tuple[str, ...]:
         )
     ]
     lines.append(_ratios("by the drawing's tolerances it was", findings.worth.before / findings.worth.exact))
-    known = established(_kinds(findings.found))
+    known = established(_kinds(findings.estimate))
     return (*lines, *([known] if known else []))
 
 
@@ -204,10 +204,10 @@ def _open(findings: CalibrationFindings) -> tuple[str, ...]:
         for name, value in zip(COEFFICIENT_NAMES, ratio, strict=True)
         if value > IN_FLIGHT
     ]
-    same = undetermined(_kinds(findings.found))
+    same = undetermined(_kinds(findings.estimate))
     if same:
         lines.append(same)
-    common = findings.found.model.test.errors.common
+    common = findings.estimate.model.test.errors.common
     lines.append(f"the gain that all load cells have in common: {100.0 * common:g} %, as stated")
     if not findings.steps:
         lines.append("hysteresis and return to zero: the test has no steps of unloading")

@@ -67,7 +67,7 @@ class GammaChoice:
     curve: LCurve
 
     @property
-    def found(self) -> list[tuple[str, float]]:
+    def rule_gammas(self) -> list[tuple[str, float]]:
         """Name and gamma of the rules that find one, the gamma in use first."""
         return [
             (choice.rule.replace("_", " "), float(choice.gamma))
@@ -92,7 +92,7 @@ def gamma_choice(
     )
     scales = coefficient_scales(inverse_map)
 
-    def at(rule: str, gamma: float) -> GammaOfRule:
+    def of_rule(rule: str, gamma: float) -> GammaOfRule:
         """Return what the map would be with ``gamma``."""
         solved_map = gaussian_map(
             state_operator=solved.state_operator,
@@ -113,10 +113,10 @@ def gamma_choice(
             coefficient_std=scales * np.sqrt(np.diag(covariance)[FIVE_LOADS]),
         )
 
-    rules = [at("this map", solved.regularisation)]
+    rules = [of_rule("this map", solved.regularisation)]
     for rule in RULES:
         try:
-            rules.append(at(rule, select_gamma(rule, data)))
+            rules.append(of_rule(rule, select_gamma(rule, data)))
         except InputError as error:
             rules.append(
                 GammaOfRule(

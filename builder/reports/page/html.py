@@ -125,13 +125,13 @@ def picture(
     """
     from matplotlib import rc_context
 
-    drawn = figure.figure if isinstance(figure, ValuedFigure) else figure
+    canvas = figure.figure if isinstance(figure, ValuedFigure) else figure
     stream = io.BytesIO()
     # Without a date, and with fixed names, the same figure gives the same bytes.
     metadata = {"Date": None} if kind == "svg" else {"Software": None}
     with rc_context({"svg.hashsalt": "strainfmu"}):
-        settle(drawn, resolution)
-        drawn.savefig(stream, format=kind, dpi=resolution, metadata=metadata)
+        settle(canvas, resolution)
+        canvas.savefig(stream, format=kind, dpi=resolution, metadata=metadata)
     places = figure.places() if isinstance(figure, ValuedFigure) else ()
     return Picture(content=stream.getvalue(), kind=kind, caption=caption, alternative=alternative, places=places)
 
@@ -250,13 +250,13 @@ def _table(table: Table) -> str:
     )
 
 
-def _picture(one: Picture) -> str:
-    kind = "image/svg+xml" if one.kind == "svg" else "image/png"
-    content = b64encode(one.content).decode("ascii")
+def _picture(picture: Picture) -> str:
+    kind = "image/svg+xml" if picture.kind == "svg" else "image/png"
+    content = b64encode(picture.content).decode("ascii")
     return (
         '<figure>\n<div class="picture"><div>\n'
-        f'<img src="data:{kind};base64,{content}" alt="{escape(one.alternative)}">\n{overlay(one.places)}'
-        f"</div></div>\n<figcaption>{escape(one.caption)}</figcaption>\n</figure>"
+        f'<img src="data:{kind};base64,{content}" alt="{escape(picture.alternative)}">\n{overlay(picture.places)}'
+        f"</div></div>\n<figcaption>{escape(picture.caption)}</figcaption>\n</figure>"
     )
 
 

@@ -44,7 +44,7 @@ class Origin:
     def table(self) -> Table:
         """Return the files as a table."""
         columns = Column("made from"), Column("file"), Column("SHA-256")
-        rows = [(one.content, one.name, one.sha256) for one in self.files]
+        rows = [(file.content, file.name, file.sha256) for file in self.files]
         return make_table("made_from", "Files that this report was made from.", columns, rows)
 
 
@@ -56,15 +56,15 @@ def input_files(paths: Mapping[str, Path]) -> tuple[InputFile, ...]:
     InputError
         A file cannot be read.
     """
-    found = []
+    files = []
     for content, path in paths.items():
         try:
             with path.open("rb") as stream:
                 digest = file_digest(stream, "sha256").hexdigest()
         except OSError as error:
             raise InputError(f"{path}: cannot be read: {error.strerror}") from error
-        found.append(InputFile(content=content, name=path.name, sha256=digest))
-    return tuple(found)
+        files.append(InputFile(content=content, name=path.name, sha256=digest))
+    return tuple(files)
 
 
 def origin_of(files: tuple[InputFile, ...]) -> Origin:

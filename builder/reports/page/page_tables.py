@@ -103,7 +103,10 @@ def records_table(
     """
     takes = [attrgetter(source) if isinstance(source, str) else source for source, _ in columns]
     headings = [column for _, column in columns]
-    rows = [[_scaled(_plain(take(one)), of) for take, of in zip(takes, headings, strict=True)] for one in records]
+    rows = [
+        [_scaled(_plain(take(record)), heading) for take, heading in zip(takes, headings, strict=True)]
+        for record in records
+    ]
     return make_table(name, caption, headings, rows)
 
 

@@ -140,7 +140,7 @@ def _set(block: Block, level: int) -> list[platypus.Flowable]:
         case Section():
             room = _least_height(block.blocks[0]) if block.blocks else 0.5 * inch
             start = [platypus.Spacer(0.0, 0.12 * inch), platypus.CondPageBreak(room)]
-            below = [flowable for one in block.blocks for flowable in _set(one, level + 1)]
+            below = [flowable for inner in block.blocks for flowable in _set(inner, level + 1)]
             return [*start, _heading(block.title, level), *below]
         case Paragraph():
             return [_words(block.text, after=6.0)]
@@ -161,9 +161,9 @@ def _set(block: Block, level: int) -> list[platypus.Flowable]:
 
 
 def _heading(text: str, level: int) -> platypus.Paragraph:
-    found = _words(text, HEADINGS[min(level, len(HEADINGS)) - 1], BOLD, after=4.0)
-    found.level_in_outline = level - 1
-    return found
+    paragraph = _words(text, HEADINGS[min(level, len(HEADINGS)) - 1], BOLD, after=4.0)
+    paragraph.level_in_outline = level - 1
+    return paragraph
 
 
 def _card(title: str, colour: str, items: tuple[str, ...], nothing: str) -> list[platypus.Flowable]:
@@ -190,7 +190,7 @@ def _picture(block: Picture) -> list[platypus.Flowable]:
 
 def _size_on_sheet(png: bytes) -> tuple[float, float]:
     """Return width and height of a picture: as wide as the text, with room for a heading."""
-    columns, rows = (int.from_bytes(png[at : at + 4], "big") for at in (16, 20))  # of the header
+    columns, rows = (int.from_bytes(png[offset : offset + 4], "big") for offset in (16, 20))  # of the header
     height = min(WIDTH * rows / columns, A4[1] - 2.0 * MARGIN - 1.1 * inch)
     return height * columns / rows, height
 
@@ -229,9 +229,9 @@ def _table(table: Table) -> list[platypus.Flowable]:
         *(("ALIGN", (i, 0), (i, -1), "RIGHT") for i, number in enumerate(right) if number),
     ]
     columns_with_gaps = [width + gap + ROUNDING for width in widths]
-    found = platypus.Table(rows, columns_with_gaps, style=style, repeatRows=1, splitInRow=1, hAlign="LEFT")
+    pdf_table = platypus.Table(rows, columns_with_gaps, style=style, repeatRows=1, splitInRow=1, hAlign="LEFT")
     caption = _words(table.caption, SMALL, BOLD, after=3.0)
-    return [platypus.CondPageBreak(0.9 * inch), caption, found, platypus.Spacer(0.0, 0.14 * inch)]
+    return [platypus.CondPageBreak(0.9 * inch), caption, pdf_table, platypus.Spacer(0.0, 0.14 * inch)]
 
 
 def _cell(text: str, size: float, font: str, width: float, right: bool) -> str | platypus.Paragraph:
@@ -263,9 +263,9 @@ def _fitted(heads: list[str], cells: list[list[str]], room: float) -> tuple[floa
         ]
         narrow = [wide if wide <= room / len(heads) else None for wide in natural]
         rest = room - sum(wide for wide in narrow if wide is not None)
-        found = [wide if wide is not None else rest / narrow.count(None) for wide in narrow]
-        if all(have >= need for have, need in zip(found, broken, strict=True)):
-            return size, found
+        widths = [wide if wide is not None else rest / narrow.count(None) for wide in narrow]
+        if all(have >= need for have, need in zip(widths, broken, strict=True)):
+            return size, widths
     return SMALLEST, [room * wide / sum(natural) for wide in natural]
 
 
@@ -277,10 +277,10 @@ def _words(
 
 
 @cache
-def _style(size: float, font: str = PLAIN, after: float = 0.0, **others: Any) -> ParagraphStyle:
+def _style(size: float, font: str = PLAIN, after: float = 0.0, **options: Any) -> ParagraphStyle:
     """Return the style of a paragraph; a word that is longer than the line is broken."""
     leading = size * LEADING
-    return ParagraphStyle("", fontName=font, fontSize=size, leading=leading, spaceAfter=after, **others)
+    return ParagraphStyle("", fontName=font, fontSize=size, leading=leading, spaceAfter=after, **options)
 
 
 def text_width(text: str, size: float, font: str = PLAIN) -> float:

@@ -37,7 +37,7 @@ def _shape(place: Place) -> str:
 
 def _outline(rectangle: Rectangle) -> str:
     left, top, width, height = rectangle
-    x0, y0, x1, y1 = (round(UNITS * one) for one in (left, top, left + width, top + height))
+    x0, y0, x1, y1 = (round(UNITS * value) for value in (left, top, left + width, top + height))
     return f"M{x0} {y0}H{x1}V{y1}H{x0}z" if x1 > x0 and y1 > y0 else ""
 
 

@@ -97,7 +97,7 @@ def test_errors_of_each_gauge_are_columns_of_a_diagonal() -> None:
         (own.whitened(gain.T), columns.whitened(gain.T)),
         (own.padded(1, 2).covariance, columns.padded(1, 2).covariance),
         (own.strain_and_load(5), columns.strain_and_load(5)),
-        (own.drawn(np.random.default_rng(1), 3), columns.drawn(np.random.default_rng(1), 3)),
+        (own.draw(np.random.default_rng(1), 3), columns.draw(np.random.default_rng(1), 3)),
     ):
         np.testing.assert_allclose(a, b, rtol=1e-12)
 

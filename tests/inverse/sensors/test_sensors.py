@@ -94,7 +94,7 @@ def flights(
     following = {one.name for one in problem.errors}
     for term in problem.noise:
         if term.name not in following:
-            readings += term.drawn(random, draws)
+            readings += term.draw(random, draws)
     for one in problem.errors:
         error = ensemble.responses(one.operator)[chosen]
         readings += error * random.standard_normal((draws, 1 if one.common else error.shape[1]))
