@@ -26,13 +26,13 @@ def with_estimator(vehicle: Vehicle, estimator: Estimators | None) -> Vehicle:
         raise InputError(f"--estimator: {reason}")
     entry = vehicle.map
     if estimator == "nonlinear":
-        found = {
+        requirements = {
             "map.form": (entry.form, PER_PRESSURE),
             "strains per snapshot": ("none" if vehicle.structure.strain_per_snapshot is None else "some", "none"),
         }
         if vehicle.is_axisymmetric:
-            found["map.symmetry"] = (entry.symmetry, "full")
-        for name, (got, needed) in found.items():
+            requirements["map.symmetry"] = (entry.symmetry, "full")
+        for name, (got, needed) in requirements.items():
             if got != needed:
                 raise InputError(f"--estimator nonlinear: needs {name} {needed!r}, got {got!r}")
     return vehicle.model_copy(update={"map": entry.model_copy(update={"estimator": estimator})})

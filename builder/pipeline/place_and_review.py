@@ -144,7 +144,7 @@ def place(
         cable=cable or (0.0, 0.0),
     )
     aim = Aim(goal=goal, weights=_weights(loads), estimator=estimator, starts=starts, robust=robust, losses=losses)
-    found = propose_gauges(
+    proposed = propose_gauges(
         Path(vehicle),
         grid,
         limits,
@@ -154,10 +154,10 @@ def place(
         keep=None if keep is None else Path(keep),
         with_curves=curves is not None,
     )
-    write_layout(found.placement.layout, Path(output))
-    if curves is not None and found.curves is not None:
-        save(placement_figure(found.curves, Path(vehicle).stem), Path(curves))
-    return found
+    write_layout(proposed.placement.layout, Path(output))
+    if curves is not None and proposed.curves is not None:
+        save(placement_figure(proposed.curves, Path(vehicle).stem), Path(curves))
+    return proposed
 
 
 def _zone(bounds: Sequence[float]) -> Zone:
@@ -204,24 +204,24 @@ def propose_gauges(
     """
     vehicle = load_vehicle(vehicle_path)
     check_model(vehicle)
-    kept = None if keep is None else read_layout(keep)
+    kept_layout = None if keep is None else read_layout(keep)
     for line in left_out(vehicle):
         reporter.note(line)
     snapshots = flows_for_design(vehicle, snapshots_path, reporter)
     structure = structure_of(vehicle, snapshots, reporter)
     kind, map_path = estimator_of_map(vehicle, aim.estimator, snapshots_path)
     with reporter.stage("Candidates: strain and models") as progress:
-        study = placement_study(vehicle, snapshots, structure, grid, kind, keep=kept, progress=progress)
+        study = placement_study(vehicle, snapshots, structure, grid, kind, keep=kept_layout, progress=progress)
     reporter.note(
         f"{study.offered} candidates, {study.model.rows.shape[-1]} unknowns, "
         f"{len(study.model.weight)} flight states, {judged(vehicle, study, snapshots, map_path)}"
     )
-    found = design.place(study, limits, aim, reporter)
+    placement = design.place(study, limits, aim, reporter)
     curves = None
     if with_curves:
         with reporter.stage("Curves") as progress:
-            curves = accuracy_curves(study, limits, aim, found.sites, progress)
-    return ProposedGauges(study=study, placement=found, curves=curves)
+            curves = accuracy_curves(study, limits, aim, placement.sites, progress)
+    return ProposedGauges(study=study, placement=placement, curves=curves)
 
 
 def estimator_of_map(
@@ -243,10 +243,10 @@ def estimator_of_map(
 
 def judged(vehicle: Vehicle, study: Study, snapshots: Snapshots, map_path: Path | None) -> str:
     """Return in a sentence which estimator is judged, why, and on which flows."""
-    of = "" if map_path is None else f" (of {map_path.name})"
+    of_map = "" if map_path is None else f" (of {map_path.name})"
     if map_path is None and vehicle.map.estimator == "auto":
-        of = " (build compares both for map.estimator 'auto'; --snapshots of its folder follows its map)"
-    return f"{study.kind} estimator{of}, flows by the {snapshots.engine} engine"
+        of_map = " (build compares both for map.estimator 'auto'; --snapshots of its folder follows its map)"
+    return f"{study.kind} estimator{of_map}, flows by the {snapshots.engine} engine"
 
 
 def check_model(vehicle: Vehicle) -> None:
@@ -276,25 +276,25 @@ def structure_of(vehicle: Vehicle, snapshots: Snapshots, reporter: Reporter) -> 
 
 def left_out(vehicle: Vehicle) -> list[str]:
     """Return a line for every entry of the vehicle file that a placement does not count."""
-    noise, found = vehicle.noise, []
+    noise, lines = vehicle.noise, []
     if noise.nuisance_file is not None:
-        found.append("noise.nuisance_file: not counted, it holds the gauges of the layout in use alone")
+        lines.append("noise.nuisance_file: not counted, it holds the gauges of the layout in use alone")
     if noise.covariance_file is not None or noise.std_of_gauges_um_per_m is not None:
-        found.append("noise: every candidate has the median noise of the gauges in use")
+        lines.append("noise: every candidate has the median noise of the gauges in use")
     entries = dict.fromkeys(kind.entry for kind in IN_NOISE if kind.name not in ALWAYS_DRAWN)
-    found += [f"noise.{entry}: not counted" for entry in entries if getattr(noise, entry) > 0.0]
+    lines += [f"noise.{entry}: not counted" for entry in entries if getattr(noise, entry) > 0.0]
     if vehicle.temperature is not None and not vehicle.has_meridian:
-        found.append("temperature: modes of the wall's temperature are not counted but on a body of revolution")
+        lines.append("temperature: modes of the wall's temperature are not counted but on a body of revolution")
     if vehicle.mass is not None:
-        found.append("mass: inertia and vibration are not counted")
-    found.append(
+        lines.append("mass: inertia and vibration are not counted")
+    lines.append(
         "mesh: the error of strain by the structure's mesh is not counted; the report of a map built with the "
         "layout states it"
     )
     if vehicle.sensors is not None and vehicle.sensors.of_structure:
         names = ", ".join(f"sensors.{name}" for name in vehicle.sensors.of_structure)
-        found.append(f"{names}: not counted; with them fewer gauges do")
-    return found
+        lines.append(f"{names}: not counted; with them fewer gauges do")
+    return lines
 
 
 def write_layout(layout: GaugeLayout, path: Path) -> None:
@@ -304,7 +304,7 @@ def write_layout(layout: GaugeLayout, path: Path) -> None:
     writer.writerow(CSV_COLUMNS)
     for name, position, direction in zip(layout.names, layout.position, layout.direction, strict=True):
         values = np.concatenate([position, direction]) + 0.0
-        writer.writerow([name, *(f"{0.0 if abs(one) < 1e-12 else one:.9g}" for one in values)])
+        writer.writerow([name, *(f"{0.0 if abs(value) < 1e-12 else value:.9g}" for value in values)])
     write_bytes_atomically(path, stream.getvalue().encode())
 
 
@@ -377,28 +377,28 @@ def review_layout(
     for line in left_out(vehicle):
         reporter.note(line)
     kind, map_path = estimator_of_map(vehicle, kind, snapshots_path)
-    given = {"snapshots": snapshots_path, "map": map_path}
+    inputs = {"snapshots": snapshots_path, "map": map_path}
     files = input_files(
-        files_of_vehicle(vehicle, vehicle_path) | {name: one for name, one in given.items() if one is not None}
+        files_of_vehicle(vehicle, vehicle_path) | {name: path for name, path in inputs.items() if path is not None}
     )
     snapshots = flows_for_design(vehicle, snapshots_path, reporter)
     structure = structure_of(vehicle, snapshots, reporter)
     with reporter.stage("Review: strain and models") as progress:
         study = placement_study(vehicle, snapshots, structure, grid, kind, progress=progress)
-        found = review_of(study)
+        review = review_of(study)
     line = judged(vehicle, study, snapshots, map_path)
     reporter.note(line)
     title = f"{vehicle.name}: gauges {Path(layout or vehicle.gauges.layout).name}"
-    page = placement_page(title, found, origin_of(files), f"{line[:1].upper()}{line[1:]}.")
+    page = placement_page(title, review, origin_of(files), f"{line[:1].upper()}{line[1:]}.")
     write_page(page, path)
     line = without_packages(path.name)
     if line:
         reporter.note(line)
-        return found
+        return review
     from builder.reports.page.pdf import write_pdf
 
     write_pdf(page, path.with_suffix(".pdf"))
-    return found
+    return review
 
 
 def with_layout(vehicle: Vehicle, layout: str | None) -> Vehicle:

@@ -173,16 +173,18 @@ def build_map(
     flown = as_flown(vehicle, snapshots)
     flies = alarm_levels_wanted(flown, reporter)
     mapped = on_snapshots(structure, snapshots, reporter)
-    found = map_from(vehicle, snapshots, mapped, reporter, solid, compares=not flies)
+    inverse_map = map_from(vehicle, snapshots, mapped, reporter, solid, compares=not flies)
     vehicle = flown
     if not flies:
-        return found
+        return inverse_map
     if not vehicle.is_axisymmetric:
         of_levels = shape_flows(vehicle, level_conditions(vehicle), reporter, "Flow: alarm levels")
-        return with_shape_levels(vehicle, found, solid, of_levels, reporter)
+        return with_shape_levels(vehicle, inverse_map, solid, of_levels, reporter)
     flows = independent_flows(vehicle, reporter, scheduling=Scheduling(workers=0))
     true = solved_true_structure(vehicle, reporter)
-    return with_measured_levels(World(vehicle=vehicle, structure=true, flows=flows, inverse_map=found), reporter)
+    return with_measured_levels(
+        World(vehicle=vehicle, structure=true, flows=flows, inverse_map=inverse_map), reporter
+    )
 
 
 def check_before_long_work(vehicle: Vehicle, conditions: int | None = None) -> None:
@@ -267,20 +269,20 @@ def map_from(
             compares=compares,
         )
     inverse_map = replace(inverse_map, provenance=_with_sources(inverse_map.provenance, vehicle, snapshots, solid))
-    held, noise_std = inverse_map.provenance, float(inverse_map.noise_std[0])
-    if held["symmetry"] != vehicle.map.symmetry:
+    provenance, noise_std = inverse_map.provenance, float(inverse_map.noise_std[0])
+    if provenance["symmetry"] != vehicle.map.symmetry:
         reporter.note(
             "map.symmetry: 'full' needs snapshots on stations times roll angles; the angles are taken as listed"
         )
-    for line in mode_choice_lines(held):
+    for line in mode_choice_lines(provenance):
         reporter.note(line)
     reporter.note(
         f"{inverse_map.n_gauges} gauges, sigma {1e6 * noise_std:.3g} um/m; "
-        f"{held['modes']} modes hold {held['energy_of_modes']:.2%} of the energy"
+        f"{provenance['modes']} modes hold {provenance['energy_of_modes']:.2%} of the energy"
     )
-    if solid is not None and "mesh_error" not in held:
+    if solid is not None and "mesh_error" not in provenance:
         reporter.note(mesh_error_line(solid, noise_std))
-    for line in (*mesh_error_notes(held), f"inertia: {held['inertia']}"):
+    for line in (*mesh_error_notes(provenance), f"inertia: {provenance['inertia']}"):
         reporter.note(line)
     return inverse_map
 
@@ -323,12 +325,12 @@ def _with_sources(
 
     The vehicle file's resolution, which options may have set aside, is left out.
     """
-    kept = {name: value for name, value in provenance.items() if name != "resolution"}
+    facts = {name: value for name, value in provenance.items() if name != "resolution"}
     used = vehicle.resolution.map.model_dump(include={"harmonics", "element_length_mm", "wall_layers"})
     structure = {"model": "fourier", **used} if solid is None else structure_record(solid)
     sources = {"flow": flow_record(snapshots), "structure": structure}
     # In the order that a file gives back, so that maps made in memory and from files are equal.
-    return {**kept, **json.loads(json.dumps(sources, sort_keys=True))}
+    return {**facts, **json.loads(json.dumps(sources, sort_keys=True))}
 
 
 def solved_true_structure(

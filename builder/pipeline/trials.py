@@ -182,8 +182,8 @@ def run_trial(
         if map_path is not None:
             pipeline = _with_map(entry, trial, map_path, folder, reporter)
         else:
-            given = FilesGiven(snapshots=snapshots, structure=structure, rebuild=rebuild)
-            pipeline, listed = open_pipeline(entry, folder, reporter, given)
+            files_given = FilesGiven(snapshots=snapshots, structure=structure, rebuild=rebuild)
+            pipeline, listed = open_pipeline(entry, folder, reporter, files_given)
             refuse_vehicle(pipeline.flown or pipeline.vehicle, trial)
             check_before_long_work(pipeline.vehicle, listed)
             if flows_path is not None and entry.is_axisymmetric:
@@ -244,9 +244,9 @@ def stress(
     flights : fly manoeuvres over time; without ``conditions``.
     snapshots, structure, rebuild, estimator : as :func:`build` takes them.
     """
-    given: dict[str, Any] = dict(locals())
-    file = "manoeuvres" if given.pop("flights") else "stress"
-    result = run_trial(file, **given)
+    arguments: dict[str, Any] = dict(locals())
+    file = "manoeuvres" if arguments.pop("flights") else "stress"
+    result = run_trial(file, **arguments)
     text = json.dumps(stress_entries(result.cases, result.rows), indent=1, allow_nan=False) + "\n"
     write_bytes_atomically(Path(output) / "stress.json", text.encode())
     return result
@@ -440,7 +440,7 @@ def _true_world(vehicle: Vehicle, flows: Path, structure: Path | None) -> dict[s
 
 
 def _make_flows(
-    pipeline: Pipeline, vehicle: Vehicle, trial: TrialFile, only: Sequence[str], given: Path | None
+    pipeline: Pipeline, vehicle: Vehicle, trial: TrialFile, only: Sequence[str], flows_path: Path | None
 ) -> None:
     """Make the flows of the independent model, or take the ones that are given.
 
@@ -453,9 +453,11 @@ def _make_flows(
     squares = {case.where.square for case in cases}
     square = squares.pop() if len(squares) == 1 else None
     holds = f"flows of the independent model {'beyond' if square is None else 'inside'} the envelope"
-    if given is not None:
+    if flows_path is not None:
         pipeline.use(
-            FLOWS, given, _content_of(given, flow_table_file if vehicle.is_axisymmetric else snapshots_file)
+            FLOWS,
+            flows_path,
+            _content_of(flows_path, flow_table_file if vehicle.is_axisymmetric else snapshots_file),
         )
     elif not vehicle.is_axisymmetric:
         conditions = shape_conditions(vehicle, cases, trial.trial.conditions, trial.trial.seed)
@@ -483,16 +485,18 @@ def shape_conditions(vehicle: Vehicle, cases: Sequence[Case], count: int, seed: 
         for where in places.values()
         for condition in flown_conditions(where, vehicle, None, count, np.random.default_rng(seed))
     ]
-    return list({(one.as_row()[:3], one.parameters): one for one in flown}.values())
+    return list({(condition.as_row()[:3], condition.parameters): condition for condition in flown}.values())
 
 
 def of_map(vehicle: Vehicle, inverse_map: InverseMap) -> Vehicle:
     """Return ``vehicle`` with the estimator of ``inverse_map`` and the flight conditions that it states."""
     recorded = inverse_map.provenance
     ranges = {
-        one.column: sorted({(1e-3 if one.name == ALTITUDE else 1.0) * float(value) for value in recorded[key]})
-        for one in CONDITION_QUANTITIES
-        if isinstance(recorded.get(key := RECORDED_KEYS[one.name]), list)
+        quantity.column: sorted(
+            {(1e-3 if quantity.name == ALTITUDE else 1.0) * float(value) for value in recorded[key]}
+        )
+        for quantity in CONDITION_QUANTITIES
+        if isinstance(recorded.get(key := RECORDED_KEYS[quantity.name]), list)
     }
     conditions = vehicle.conditions.model_copy(update=ranges)
     of_form = {} if inverse_map.form == "absolute" else {"gamma": 1.0}

@@ -221,11 +221,11 @@ def fourier_on_snapshots(
     if off > 1e-6 * body.length:
         raise InputError(f"snapshots: of '{snapshots.vehicle}', not on the body of '{vehicle.name}'")
     mesh = shell_mesh(body, wall_of(vehicle), ELEMENT_FRACTION * body.length, LAYERS)
-    found, placed = place_layouts(vehicle, mesh, used_layouts(vehicle))
+    layouts, placed = place_layouts(vehicle, mesh, used_layouts(vehicle))
     stations = np.concatenate([gauges.x for gauges in placed.values()])
     harmonics = (grid.n_roll - 1) // 2
     response = harmonic_response(mesh, wall_of(vehicle).material, stations, grid.x, harmonics, progress)
-    return StructuralModel(surface=grid, response=response, layouts=found, placed=placed)
+    return StructuralModel(surface=grid, response=response, layouts=layouts, placed=placed)
 
 
 def _on_mesh(
@@ -233,7 +233,7 @@ def _on_mesh(
 ) -> tuple[MappedStructure, int]:
     """Return the structure on a mesh, with pressure at the nodes of snapshots, and its number of dofs."""
     mesh = chosen.make(*case.of_revolution)
-    whole = mesh.full
+    full_mesh = mesh.full
     # Linear elements make free meshes faceted: gauges are moved onto the surface.
     rows = layout_rows(mesh, case.layouts, near_surface=True)
     solution = solve_strain(
@@ -244,18 +244,23 @@ def _on_mesh(
         solver_name=None if isinstance(mesh, SweptSector) else solver,
         progress=progress,
     )
-    surface, operator = mapped_operator(solution.strain_operator, triangulated_surface(whole, EXTERNAL), snapshots)
+    surface, operator = mapped_operator(
+        solution.strain_operator, triangulated_surface(full_mesh, EXTERNAL), snapshots
+    )
     ends = np.cumsum([len(gauges.name) for gauges in case.layouts.values()])
     operators = dict(zip(case.layouts, np.split(operator, ends[:-1]), strict=True))
     # No error by the mesh in the noise: what it does is what is studied.
     structure = MappedStructure(
         surface=surface,
-        description=f"{chosen.name}, {whole.n_dof} dofs",
-        layouts={name: GaugeLayout(one.name, one.position, one.direction) for name, one in case.layouts.items()},
+        description=f"{chosen.name}, {full_mesh.n_dof} dofs",
+        layouts={
+            name: GaugeLayout(layout.name, layout.position, layout.direction)
+            for name, layout in case.layouts.items()
+        },
         operators=operators,
-        error_operators={name: np.zeros_like(one) for name, one in operators.items()},
+        error_operators={name: np.zeros_like(operator) for name, operator in operators.items()},
     )
-    return structure, whole.n_dof
+    return structure, full_mesh.n_dof
 
 
 def _row(
@@ -268,7 +273,7 @@ def _row(
     """Return the row of a map fed with the true strains and noise; ``difference`` (N, n_d) in units of noise."""
     noise = np.random.default_rng(SEED).standard_normal((NOISE_DRAWS, *truth.strain.shape)) * truth.sigma
     estimator = Estimator(inverse_map)
-    estimates = [estimator.estimate(truth.strain + one, truth.dynamic_pressure) for one in noise]
+    estimates = [estimator.estimate(truth.strain + noise_strain, truth.dynamic_pressure) for noise_strain in noise]
     made = Estimates(
         value=np.concatenate([draw.coefficients for draw in estimates]),
         std=np.concatenate([draw.coefficients_std for draw in estimates]),

@@ -78,13 +78,17 @@ class InertiaStrain:
         strain by each point mass near it, which shells and beams attach differently.
         """
         strain = part * _listed(self.held_by_part)[:, :channels]
-        near = [self.held_by_part[name][:, :channels] * at[:, None] for name, at in self.attached.items()]
-        sections = [strain * (self.section == one)[:, None] for one in np.unique(self.section)]
+        near = [
+            self.held_by_part[name][:, :channels] * attached[:, None] for name, attached in self.attached.items()
+        ]
+        sections = [strain * (self.section == section)[:, None] for section in np.unique(self.section)]
         return [strain, *sections, *near], strain
 
 
 def _listed(by_part: dict[str, FloatArray]) -> FloatArray:
-    return np.asarray(np.sum([one for name, one in by_part.items() if not name.startswith(UNLISTED)], axis=0))
+    return np.asarray(
+        np.sum([strain for name, strain in by_part.items() if not name.startswith(UNLISTED)], axis=0)
+    )
 
 
 def strain_by_inertia(
@@ -114,10 +118,10 @@ def strain_by_inertia(
     for number, station in enumerate(stations, start=1):
         parts[f"{UNLISTED} {number}"] = replace(nothing, points=((station, 1.0),))
     gauges, unit = placed[layout], unit_station(vehicle, entry)
-    by_part = held = inertia_strain(mesh, wall.material, gauges, parts, unit)
+    by_part = carried = inertia_strain(mesh, wall.material, gauges, parts, unit)
     if flies(vehicle):
         holding = _mesh(vehicle, replace(wall, flight=None), resolution)
-        held = inertia_strain(holding, wall.material, gauges, parts, unit)
+        carried = inertia_strain(holding, wall.material, gauges, parts, unit)
     attached = {}
     for number, (station, _) in enumerate(listed.points, start=1):
         decay = np.sqrt(vehicle.body().radius(station) * wall.thickness_at(station))
@@ -126,7 +130,7 @@ def strain_by_inertia(
         by_part=by_part,
         by_bending=bending_strain(mesh, wall.material, gauges, listed),
         section=np.rint(_SECTIONS * gauges.x / vehicle.body().length).astype(int),
-        held_by_part=held,
+        held_by_part=carried,
         attached=attached,
     )
 
@@ -138,10 +142,10 @@ def inertia_in_words(vehicle: Vehicle) -> str:
         return f"included, by the masses of the vehicle file{known}"
     parts = (vehicle.material, *vehicle.materials.values())
     weight = "what 1 g across does needs material.density_kg_per_m3"
-    if vehicle.has_meridian and all(one.density_kg_per_m3 is not None for one in parts):
+    if vehicle.has_meridian and all(part.density_kg_per_m3 is not None for part in parts):
         reference, of_map = vehicle.reference_quantities(), vehicle.resolution.map
         mass = rigid_inertia(_with_masses(vehicle, wall_of(vehicle), of_map), 0.0)[0, 0]
-        q = np.mean([one.dynamic_pressure for one in vehicle.flight_conditions()])
+        q = np.mean([condition.dynamic_pressure for condition in vehicle.flight_conditions()])
         weight = f"1 g across is an error of up to {STANDARD_GRAVITY * mass / (q * reference.area):.2g} in C_N"
     return f"not included, and nothing detects it: {weight}; a section [mass] includes it"
 
@@ -264,9 +268,9 @@ def _prior(entry: Mass) -> FloatArray:
     # E w^4 = 3 s^4.
     of_axis, of_side = np.sqrt(8.0) * y**2, np.sqrt(3.0 * x**4 + 3.0 * y**4 + 2.0 * x**2 * y**2)
     products = [of_axis, of_side, of_side, x * y, x * y, y * y]
-    found = np.array([*force, *(2 * [entry.angular_acceleration_rad_per_s2]), *products])
-    assert len(found) == len(CHANNELS)
-    return found
+    std = np.array([*force, *(2 * [entry.angular_acceleration_rad_per_s2]), *products])
+    assert len(std) == len(CHANNELS)
+    return std
 
 
 def _errors(entry: Mass) -> FloatArray:
