@@ -243,7 +243,7 @@ class DataChecks:
         is_held = row_same & ~zero & (runs >= _longest_of_all(longest[known.any(axis=0)]))
         flown = flown_pressure(block.flow)
         bearable = self._bearable(flown)
-        alone, railed = same & known & ~of_rows[:, None], np.zeros_like(same)
+        alone, railed = same & known & ~of_rows[:, None] if same.any() else same, np.zeros_like(same)
         dead = railed
         limit = np.maximum(SHORTEST_RAILED, -log(_RARE) * longest)
         may_stand_still = np.any(np.count_nonzero(alone, axis=0) + self._of_gauges.carried >= 0.5 * limit)

@@ -383,8 +383,8 @@ class MapBlocks(BlockEstimator):
         """
         n, values = len(estimate), dict[str, FloatArray]()
         for columns, values_of in self._series:
-            table = np.asarray(values_of(estimate, smoothed_loads or estimate), dtype=float).reshape(n, -1)
-            values |= {name: series for (name, _), series in zip(columns, table.T, strict=True)}
+            series = zip(columns, values_of(estimate, smoothed_loads or estimate), strict=True)
+            values |= {name: np.asarray(column, dtype=float) for (name, _), column in series}
         estimates = None if smoothed_loads is not None else estimate
         rows = np.flatnonzero(estimate.health != HealthState.OK)
         suspects: list[tuple[int, ...]] = [()] * n
@@ -591,8 +591,8 @@ def _joined(
 # --- columns -----------------------------------------------------------------------------------------------------
 
 
-Series = tuple[Sequence[Column], Callable[[Estimate, Any], FloatArray | BoolArray]]
-"""Columns, and what returns their values (n, k) of estimates, and of the same or smoothed ones."""
+Series = tuple[Sequence[Column], Callable[[Estimate, Any], Iterable[Any]]]
+"""Columns, and what returns their values (n,) of estimates, and of the same or smoothed ones."""
 
 
 def _columns(prefix: str, names: Sequence[str], units: Sequence[str] = ()) -> list[Column]:
@@ -600,47 +600,39 @@ def _columns(prefix: str, names: Sequence[str], units: Sequence[str] = ()) -> li
 
 
 def _series(estimator: Estimator, residuals: bool) -> list[Series]:
-    """Return the five loads, coefficients, air data, loads behind the five and scores of flow parameters ahead of
-    their sigma; last the ``residuals`` of all gauges, behind the alarm level of the largest."""
+    """Return the five loads, coefficients, health, air data, loads behind the five and scores of flow parameters
+    ahead of their sigma; last the ``residuals`` of all gauges, behind the alarm level of the largest."""
     inverse_map = estimator.inverse_map
     series: list[Series] = [
-        (LOAD_COLUMNS, lambda _, loads: np.hstack([loads.loads, loads.loads_std])),
-        (COEFFICIENT_COLUMNS, lambda _, loads: np.hstack([loads.coefficients, loads.coefficients_std])),
+        (LOAD_COLUMNS, lambda _, loads: [*loads.loads.T, *loads.loads_std.T]),
+        (COEFFICIENT_COLUMNS, lambda _, loads: [*loads.coefficients.T, *loads.coefficients_std.T]),
         (
             HEALTH_COLUMNS,
-            lambda estimate, _: np.column_stack(
-                [
-                    estimate.chi_square,
-                    estimate.health,
-                    estimate.valid_gauges,
-                    estimate.chi_square_limit,
-                    estimate.degrees_of_freedom,
-                    estimate.suspect_count,
-                    estimate.envelope_score,
-                    np.full(len(estimate), inverse_map.outside_score),
-                    estimate.usable,
-                ]
-            ),
+            lambda estimate, _: [
+                *(estimate.chi_square, estimate.health, estimate.valid_gauges, estimate.chi_square_limit),
+                *(estimate.degrees_of_freedom, estimate.suspect_count, estimate.envelope_score),
+                *(np.full(len(estimate), inverse_map.outside_score), estimate.usable),
+            ],
         ),
     ]
     if estimator.is_nonlinear:
         air = AIR_DATA_NAMES, AIR_DATA_UNITS
         series += [
-            (_columns(AIR_DATA, *air), lambda _, loads: loads.air_data.value),
-            (_columns(f"{SIGMA}{AIR_DATA}", *air), lambda _, loads: loads.air_data.std),
-            (_columns(IDENTIFIED, AIR_DATA_NAMES), lambda estimate, _: estimate.air_data.is_identified),
-            (_columns(USED, NAVIGATION), lambda estimate, _: estimate.air_data_used),
-            (_columns("", ["linear_loads"]), lambda estimate, _: estimate.is_linear),
+            (_columns(AIR_DATA, *air), lambda _, loads: loads.air_data.value.T),
+            (_columns(f"{SIGMA}{AIR_DATA}", *air), lambda _, loads: loads.air_data.std.T),
+            (_columns(IDENTIFIED, AIR_DATA_NAMES), lambda estimate, _: estimate.air_data.is_identified.T),
+            (_columns(USED, NAVIGATION), lambda estimate, _: estimate.air_data_used.T),
+            (_columns("", ["linear_loads"]), lambda estimate, _: [estimate.is_linear]),
         ]
     arrays = load_arrays(inverse_map.load_groups) if inverse_map.has_other_loads else ()
     series += [_load_series(array) for array in arrays if not array.is_std]
     scores = _columns(OUTSIDE_PREFIX, estimator.parameters.names)
-    series += [(scores, lambda estimate, _: estimate.parameter_score)]
+    series += [(scores, lambda estimate, _: estimate.parameter_score.T)]
     series += [_load_series(array) for array in arrays if array.is_std]
     if residuals:
         of_gauges = _columns(RESIDUAL, inverse_map.gauge_names)
-        series += [(_columns("", [RESIDUAL_LIMIT]), lambda estimate, _: estimate.residual_limit)]
-        series += [(of_gauges, lambda estimate, _: estimate.standardised_residual)]
+        series += [(_columns("", [RESIDUAL_LIMIT]), lambda estimate, _: [estimate.residual_limit])]
+        series += [(of_gauges, lambda estimate, _: estimate.standardised_residual.T)]
     return series
 
 
@@ -648,7 +640,7 @@ def _load_series(array: LoadArray) -> Series:
     """Return the columns of an array of loads behind the five."""
     field = f"other_{COEFFICIENT_ARRAY if array.is_coefficient else 'loads'}{'_std' if array.is_std else ''}"
     columns = _columns("", array.columns, [array.unit.replace(".", " ")] * len(array.columns))
-    return columns, lambda _, loads: getattr(loads, field)[..., array.group.rows]
+    return columns, lambda _, loads: getattr(loads, field)[..., array.group.rows].T
 
 
 def recorded_readings(units: Mapping[str, str]) -> dict[str, str]:

@@ -90,13 +90,12 @@ def _raised_level(level: FloatArray, size: FloatArray) -> FloatArray:
 
     The level in a block is made for those gauges alone of which enough strains are above ``level``.
     """
-    raised, limit = level.copy(), np.where(np.isnan(level), -1.0, _RISE * level)
-    some = np.flatnonzero(np.fmax.reduce(size, axis=0) > limit)
-    known = np.count_nonzero(np.isfinite(size[:, some]), axis=0)
-    is_enough = np.count_nonzero(size[:, some] > limit[some], axis=0) + 1 > (1.0 - _QUANTILE) * known
-    if is_enough.any():
-        some, known = some[is_enough], known[is_enough]
-        quantile = np.quantile if known.min() == len(size) else np.nanquantile
+    n, raised = len(size), level.copy()
+    above = np.count_nonzero(size > np.where(np.isnan(level), -1.0, _RISE * level), axis=0)
+    known = np.full(len(level), n) if np.isfinite(size.sum()) else np.count_nonzero(np.isfinite(size), axis=0)
+    some = np.flatnonzero((known > 0) & (above + 1 > (1.0 - _QUANTILE) * known))
+    if len(some):
+        quantile = np.quantile if known.min() == n else np.nanquantile
         raised[some] = np.fmax(level[some], quantile(size[:, some], _QUANTILE, axis=0))
     return raised
 
