@@ -44,6 +44,8 @@ QUANTITIES = (*FLOW_NAMES, *NAVIGATION_INPUTS, *INERTIAL_NAMES)
 """All that is known of flow and motion; the nonlinear estimator takes navigation, maps with masses an inertial
 unit's readings."""
 
+TIME = "time"
+
 _TIME_NAMES = (
     ("time", "t", "timestamps"),
     ("timestamp", "reltime", "relativetime", "elapsedtime", "elapsed", "testtime", "sampletime", "xvalue", "zeit"),
@@ -86,7 +88,7 @@ CHANNEL_FILE_HINT = "name the gauges in a channel file, which 'strainfmu channel
 
 OTHER_NAMES = {
     **{alias: quantity.name for quantity in SAMPLE_INPUTS for alias in quantity.aliases},
-    **{name: "time" for names in _TIME_NAMES for name in names},
+    **{name: TIME for names in _TIME_NAMES for name in names},
 }
 """Names that recorders give to a quantity, in small letters and digits alone: for suggestions."""
 
@@ -102,6 +104,7 @@ Scale = tuple[float, float]
 
 _UNITS: dict[str, tuple[Mapping[str, float | Scale], str]] = {
     STRAIN: (STRAIN_UNITS, "1"),
+    TIME: (TIME_UNITS, "s"),
     TEMPERATURE: (TEMPERATURE_UNITS, "K"),
     **{
         quantity.name: (STRAIN_UNITS if quantity.shown in STRAIN_UNITS else UNITS_OF[quantity.unit], quantity.unit)
@@ -257,28 +260,14 @@ def time_unit(unit: str) -> float | None:
     return TIME_UNITS.get(text, TIME_UNITS.get(text.casefold()))
 
 
-def time_factor(path: Path, name: str, unit: str | None) -> float:
-    """Return the factor from the unit of a column of times to s, 1 without a unit.
-
-    Raises
-    ------
-    InputError
-        There is no such unit.
-    """
-    text = (unit or _time_parts(name)[1] or "s").strip() or "s"
-    factor = time_unit(text)
-    if factor is None:
-        raise _no_unit(path, name, text, TIME_UNITS)
-    return factor
-
-
 def scale_of(
     path: Path, heading: str, quantity: str, unit: str | None, readings: Mapping[str, str] | None = None
 ) -> Scale:
     """Return factor and offset from ``unit`` to the SI unit of ``quantity``, without a unit that itself.
 
-    ``quantity`` is :data:`STRAIN`, ``temperature[k]``, or a name of the flow; ``readings`` are the SI units of
-    auxiliary sensors by name. A flow parameter is in the unit of the vehicle file and has none.
+    ``quantity`` is :data:`STRAIN`, :data:`TIME`, ``temperature[k]``, or a name of the flow; ``readings`` are the
+    SI units of auxiliary sensors by name. A flow parameter is in the unit of the vehicle file and has none. The name
+    of a column of times may state its unit.
 
     Raises
     ------
@@ -289,15 +278,16 @@ def scale_of(
     units, default = _UNITS.get(name, (NUMBER_UNITS, "1"))
     if readings and quantity in readings:
         units, default = READING_UNITS[readings[quantity]], readings[quantity]
-    text = (unit or "").strip() or default
-    scale = units.get(text, units.get(text.casefold()) if units is STRAIN_UNITS else None)
+    stated = _time_parts(heading)[1] if quantity == TIME else None
+    text = (unit or stated or "").strip() or default
+    scale = units.get(text)
+    if scale is None and units is STRAIN_UNITS:
+        scale = units.get(text.casefold())
+    if scale is None and quantity == TIME:
+        scale = time_unit(text)
     if scale is None:
-        raise _no_unit(path, heading, text, units)
+        raise InputError(f"{path}: column '{heading}': unit: expected one of {', '.join(units)}, got '{text}'")
     return scale if isinstance(scale, tuple) else (scale, 0.0)
-
-
-def _no_unit(path: Path, heading: str, unit: str, units: Iterable[str]) -> InputError:
-    return InputError(f"{path}: column '{heading}': unit: expected one of {', '.join(units)}, got '{unit}'")
 
 
 def quantity_of(name: str, readings: Collection[str]) -> str:
@@ -419,7 +409,7 @@ def unknown_text(unknown: Sequence[str], names: Sequence[str], wanted: Wanted) -
     if not any(name in (*wanted.gauge_names, STRAIN) or strain_number(name) is not None for name in names):
         return f"column '{first}': unknown name{more}; no column is a gauge or strain[i]: {advice}"
     present = {quantity_of(candidate, wanted.readings) for candidate in names} | set(names)
-    known = [name for name in ("time", *wanted.flow, *wanted.gauge_names) if name not in present]
+    known = [name for name in (TIME, *wanted.flow, *wanted.gauge_names) if name not in present]
     alias = OTHER_NAMES.get(re.sub("[^a-z0-9]", "", last_part(first).lower()))
     near = alias if alias in known else nearest(last_part(first), known) or nearest(first, known)
     if near is not None:

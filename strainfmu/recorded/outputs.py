@@ -101,7 +101,7 @@ _LONGEST_TEXT = 250
 
 
 def output_columns(stated: Sequence[str], extra: Sequence[Column]) -> tuple[Column, ...]:
-    """Return names and units of all columns, with ``stated`` quantities of the flow, ``others`` behind them."""
+    """Return names and units of all columns: with ``stated`` quantities of the flow, and ``extra`` ones."""
     flow = ((name, unit) for name, unit in _FLOW_UNITS.items() if name in stated)
     return (*ESTIMATE_COLUMNS, *HEALTH_COLUMNS[3:], *flow, *extra)
 

@@ -43,6 +43,7 @@ from strainfmu.recorded.channel_map import (
 from strainfmu.recorded.names import (
     CHANNEL_FILE_HINT,
     FLOW_NAMES,
+    TIME,
     Wanted,
     excluded_gauges,
     is_signal,
@@ -53,7 +54,6 @@ from strainfmu.recorded.names import (
     scale_of,
     some_of,
     suggestion,
-    time_factor,
     time_rank,
     unknown_text,
 )
@@ -225,7 +225,7 @@ def _times(selection: Selection, column: Column) -> Times:
         table.remarks.append(f"{path}: {time.dated}")
         return times[0], 1.0
     unit = channel_map.time_unit if channel_map and (stated is not None or not frame.has_clock) else None
-    return times[0], time_factor(path, time.heading, unit or time.unit)
+    return times[0], scale_of(path, time.heading, TIME, unit or time.unit)[0]
 
 
 def _named_times(table: Table) -> list[str]:

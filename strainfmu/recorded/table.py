@@ -18,7 +18,7 @@ import numpy as np
 
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError, StrainfmuError
-from strainfmu.recorded.names import matched, times_among
+from strainfmu.recorded.names import TIME, matched, times_among
 from strainfmu.text_cells import DateOrder
 
 BLOCK_ROWS = 4000
@@ -29,9 +29,6 @@ PIECE_ROWS = 4 * BLOCK_ROWS
 
 LARGEST_MATRIX = 4096
 """Columns of a matrix that are offered."""
-
-CLOCK = "time"
-"""Name of the times that a format states itself."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -188,7 +185,7 @@ def _frame(path: Path, columns: Sequence[Column], starts: list[np.datetime64]) -
     """Return the frame of columns with the same rows and times."""
     rows, clock = columns[0].rows or 0, columns[0].clock
     if clock is not None:
-        columns = [Column(name=CLOCK, unit="s", rows=rows, read=clock[1]), *columns]
+        columns = [Column(name=TIME, unit="s", rows=rows, read=clock[1]), *columns]
 
     def pieces(indices: Sequence[int]) -> Iterator[Piece]:
         for first in range(0, rows, PIECE_ROWS):
