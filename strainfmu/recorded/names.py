@@ -266,8 +266,8 @@ def scale_of(
     """Return factor and offset from ``unit`` to the SI unit of ``quantity``, without a unit that itself.
 
     ``quantity`` is :data:`STRAIN`, :data:`TIME`, ``temperature[k]``, or a name of the flow; ``readings`` are the
-    SI units of auxiliary sensors by name. A flow parameter is in the unit of the vehicle file and has none. The name
-    of a column of times may state its unit.
+    SI units of auxiliary sensors by name. A flow parameter is in the unit of the vehicle file and has none. The
+    name of a column of times may state its unit.
 
     Raises
     ------
