@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 
 import hypothesis
 import pytest
-from kept_results import kept_results
+from kept_results import folder_of_sources, kept_results
 from ogive import OGIVE
 from once import folder_of_run, once
 from synthetic_vehicle import SyntheticFiles, make_synthetic_files, synthetic_files
@@ -150,9 +150,11 @@ Tests that take minutes hold the false alarms of the shipped map to the stated r
 
 
 @pytest.fixture(scope="session", autouse=True)
-def kept_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """Keep what many tests compute alike; return the folder."""
-    folder = folder_of_run(tmp_path_factory) / "kept"
+def kept_folder(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """Keep what many tests compute alike, for later runs in the cache of pytest; return the folder."""
+    cache = getattr(request.config, "cache", None)
+    parent = folder_of_run(tmp_path_factory) if cache is None else cache.mkdir("kept")
+    folder = folder_of_sources(parent)
     with kept_results(folder):
         yield folder
 

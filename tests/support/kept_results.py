@@ -1,18 +1,22 @@
-"""Results that many tests compute alike, computed once per run: a flow, the strain per pressure of a wall, where a
+"""Results that many tests compute alike, computed once: a flow, the strain per pressure of a wall, where a
 surface cuts itself.
 
 All are functions of their arguments alone, as long as no test changes a constant of their modules. The first
 process that calls one computes it, as the product does; the result is kept on disk by the arguments, for all
-processes of the run.
+processes and for later runs of the same sources.
 """
 
 from __future__ import annotations
 
+import ast
 import os
 import pickle
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+import shutil
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
 from hashlib import sha256
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
@@ -25,6 +29,54 @@ from builder.structure.fourier import strain_operator
 
 SOLVE_FLOW, RESPONSE_OF_ROWS = euler.solve_flow, strain_operator.response_of_rows
 PIERCED_PLACES = shapes.pierced_places
+
+ROOT = Path(__file__).parents[2]
+PACKAGES = ("builder", "strainfmu")
+LIBRARIES = ("numba", "numpy", "scipy")
+"""What results depend on besides the sources."""
+
+NEWEST = 4
+"""States of the sources whose results are kept."""
+
+
+def imported_sources(modules: Iterable[str]) -> set[Path]:
+    """Return the files of ``modules`` and of all modules of the packages that they import, directly or not."""
+    waiting, found = list(modules), set[Path]()
+    while waiting:
+        path = ROOT / waiting.pop().replace(".", "/")
+        file = path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
+        if file in found or not file.is_file():
+            continue
+        found.add(file)
+        for statement in ast.walk(ast.parse(file.read_bytes())):
+            if isinstance(statement, ast.ImportFrom) and (statement.module or "").startswith(PACKAGES):
+                waiting += [
+                    f"{statement.module}",
+                    *(f"{statement.module}.{name.name}" for name in statement.names),
+                ]
+            elif isinstance(statement, ast.Import):
+                waiting += [one.name for one in statement.names if one.name.startswith(PACKAGES)]
+    return found
+
+
+def folder_of_sources(parent: Path) -> Path:
+    """Return the folder in ``parent`` for results of the sources as they are; folders of old ones go.
+
+    Machine code of numba counts by its date: it may be of older sources until it is deleted.
+    """
+    functions = SOLVE_FLOW, RESPONSE_OF_ROWS, PIERCED_PLACES
+    sources = sorted(imported_sources(function.__module__ for function in functions))
+    state = [sys.version, os.environ.get("NUMBA_DISABLE_JIT"), *map(version, LIBRARIES)]
+    state += [sha256(file.read_bytes()).hexdigest() for file in sources]
+    compiled = {code for file in sources for code in (file.parent / "__pycache__").glob("*.nbi")}
+    state += [f"{code} {code.stat().st_mtime_ns}" for code in sorted(compiled)]
+    folder = parent / sha256(repr(state).encode()).hexdigest()[:16]
+    with suppress(FileNotFoundError):  # of two runs the other may be cleaning up as well
+        folder.mkdir(parents=True, exist_ok=True)
+        os.utime(folder)
+        for old in sorted(parent.iterdir(), key=lambda path: path.stat().st_mtime)[:-NEWEST]:
+            shutil.rmtree(old, ignore_errors=True)
+    return folder
 
 
 def kept(folder: Path, arguments: object, compute: Callable[[], Any]) -> Any:
@@ -42,7 +94,7 @@ def kept(folder: Path, arguments: object, compute: Callable[[], Any]) -> Any:
 @contextmanager
 def kept_results(folder: Path) -> Iterator[None]:
     """Keep flows of bodies of revolution, strain per pressure of the Fourier model and self-intersections."""
-    folder.mkdir(exist_ok=True)
+    folder.mkdir(parents=True, exist_ok=True)
 
     def flow(*arguments: Any) -> Any:
         return kept(folder, arguments, lambda: SOLVE_FLOW(*arguments))
