@@ -25,7 +25,7 @@ def draw_nothing(replace: Callable[[Any, str, Any], None]) -> None:
 
     drawn = Figure.savefig
 
-    def savefig(figure: Figure, target: object, **options: Any) -> None:
+    def savefig(figure: Figure, target: Any, **options: Any) -> None:
         if isinstance(target, BytesIO):
             target.write(blank_image(options["format"]))
         else:
