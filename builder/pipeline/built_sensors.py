@@ -40,7 +40,7 @@ class FlownSensors:
         """(n_s,) standard deviations of the noise [unit]."""
         return np.array([row.std for row in self.rows])
 
-    def built(self, as_built: AsBuilt, random: np.random.Generator | None) -> BuiltSensors:
+    def as_built(self, as_built: AsBuilt, random: np.random.Generator | None) -> BuiltSensors:
         """Return the sensors of a vehicle ``as_built``, their own errors drawn; without errors of theirs for None.
 
         Errors of the wall, and of the pressure inside, are the errors of the gauges.

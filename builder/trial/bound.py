@@ -80,23 +80,23 @@ def cramer_rao_bound(
 
 def _bound_at(sound: ManifoldMap, state: FloatArray, of_navigation: FloatArray) -> FloatArray:
     """Return (k, 5) the bound at ``state`` (k, 4), where navigation has the information (k, 4, 4)."""
-    found, n = evaluate(sound.tables, state), sound.tables.n_gauges
+    at_state, n = evaluate(sound.tables, state), sound.tables.n_gauges
     mach, pressure = state[:, MACH], np.exp(state[:, LOG_PRESSURE])
-    loads = found.value[:, n:]
+    loads = at_state.value[:, n:]
     noise = strain_covariance(sound, sound.gauge_covariance, state)
-    by_state = found.jacobian[:, :n]
+    by_state = at_state.jacobian[:, :n]
     information = np.swapaxes(by_state, 1, 2) @ np.linalg.solve(noise, by_state) + of_navigation
     scale = 1.0 / (0.5 * HEAT_CAPACITY_RATIO * (mach**2 * pressure)[:, None] * sound.references)
-    slope = scale[:, :, None] * (found.jacobian[:, n:] - loads[:, :, None] * _by_log(state)[:, None])
+    slope = scale[:, :, None] * (at_state.jacobian[:, n:] - loads[:, :, None] * _by_log(state)[:, None])
     covariance = slope @ np.linalg.solve(information, np.swapaxes(slope, 1, 2))
     return np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
 
 
 def _by_log(state: FloatArray) -> FloatArray:
     """Return (k, 4) derivatives of ln q_inf by ``state`` (k, 4)."""
-    found = np.zeros_like(state)
-    found[:, MACH], found[:, LOG_PRESSURE] = 2.0 / state[:, MACH], 1.0
-    return found
+    slope = np.zeros_like(state)
+    slope[:, MACH], slope[:, LOG_PRESSURE] = 2.0 / state[:, MACH], 1.0
+    return slope
 
 
 def _of_navigation(
@@ -104,18 +104,18 @@ def _of_navigation(
 ) -> FloatArray:
     """Return (k, 4, 4) the information of navigation and of the ranges of the map."""
     unit = np.eye(state.shape[1])
-    found = np.tile(np.diag(manifold.state_prior.std**-2.0), (len(state), 1, 1))
+    information = np.tile(np.diag(manifold.state_prior.std**-2.0), (len(state), 1, 1))
     if MACH_NUMBER in known:
-        found += np.outer(unit[MACH], unit[MACH]) / manifold.mach_number_error**2
+        information += np.outer(unit[MACH], unit[MACH]) / manifold.mach_number_error**2
     of_pressure = {STATIC_PRESSURE: manifold.static_pressure_error, ALTITUDE: manifold.altitude_error}
     for error in (of_pressure[name] for name in known if name in of_pressure):
-        found += np.outer(unit[LOG_PRESSURE], unit[LOG_PRESSURE]) / error**2
+        information += np.outer(unit[LOG_PRESSURE], unit[LOG_PRESSURE]) / error**2
     if DYNAMIC_PRESSURE in known:
         by_log, pressure = _by_log(state), np.exp(state[:, LOG_PRESSURE])
         stated = dynamic_pressure_std / (0.5 * HEAT_CAPACITY_RATIO * state[:, MACH] ** 2 * pressure)
         relative = np.maximum(np.where(np.isnan(stated), manifold.dynamic_pressure_error, stated), EXACT)
-        found += by_log[:, :, None] * by_log[:, None] / (relative**2)[:, None, None]
-    return found
+        information += by_log[:, :, None] * by_log[:, None] / (relative**2)[:, None, None]
+    return information
 
 
 def _inside(manifold: ManifoldMap, state: FloatArray) -> BoolArray:
@@ -124,5 +124,5 @@ def _inside(manifold: ManifoldMap, state: FloatArray) -> BoolArray:
     across = (state[:, [U, W]] - middle) / half
     off = np.abs(across).max(axis=1) if manifold.crossflow_range is not None else np.hypot(*across.T)
     low, high = manifold.mach_range
-    beyond = np.maximum(low - state[:, MACH], state[:, MACH] - high) / low
-    return (off <= 1.0 + RANGE_TOLERANCE) & (beyond <= RANGE_TOLERANCE)
+    excess = np.maximum(low - state[:, MACH], state[:, MACH] - high) / low
+    return (off <= 1.0 + RANGE_TOLERANCE) & (excess <= RANGE_TOLERANCE)

@@ -135,7 +135,7 @@ class Built(Section):
     middle: dict[str, float] = Field(default_factory=dict)
     of_stated: float = 0.0
 
-    def of(self, vehicle: AsBuilt, random: np.random.Generator) -> AsBuilt:
+    def with_errors(self, vehicle: AsBuilt, random: np.random.Generator) -> AsBuilt:
         """Return ``vehicle``, or several at once, with the single errors."""
         for name, value in self.set.items():
             size = getattr(vehicle, name).shape
@@ -222,7 +222,7 @@ class Case(Section):
     map_errors: bool = False
     draws: float = Field(default=1.0, gt=0.0)
     where: Where = Where()
-    built: Built = Built()
+    as_built: Built = Field(default=Built(), validation_alias="built")
     fault: Fault | None = None
     inertia: Inertia | None = None
     air: Air = Air()
@@ -343,7 +343,7 @@ def trial_path(name: str | Path) -> Path:
     if path.is_file() or path.suffix:
         return path
     if not shipped.is_file():
-        names = ", ".join(sorted(one.stem for one in FILES.glob("*.toml")))
+        names = ", ".join(sorted(path.stem for path in FILES.glob("*.toml")))
         raise InputError(f"{name}: expected the path of a file, or a trial that is shipped: {names}")
     return shipped
 
@@ -372,7 +372,7 @@ def _faults(file: TrialFile) -> list[str]:
     return faults + [
         f"group: '{case.name}': expected kinds of error, {kinds}, got '{name}'"
         for case in cases
-        for name in (*case.built.set, *case.built.middle)
+        for name in (*case.as_built.set, *case.as_built.middle)
         if name not in KINDS or (file.ground is None and "noise" not in KINDS[name].sections)
     ]
 
@@ -407,13 +407,13 @@ def _rows(case: Case, vehicle: Vehicle) -> list[Case]:
     changes: dict[str, Any] = {"group": _class_of(case, vehicle)}
     if not vehicle.is_axisymmetric and case.where.is_beyond:
         changes["draws"] = FEWER_BEYOND * case.draws
-    if case.built.of_stated:
-        least = case.built.of_stated
+    if case.as_built.of_stated:
+        least = case.as_built.of_stated
         sizes = {
             name: max(value, least * float(getattr(vehicle.noise, KINDS[name].entry)))
-            for name, value in case.built.set.items()
+            for name, value in case.as_built.set.items()
         }
-        changes["built"] = case.built.model_copy(update={"set": sizes, "of_stated": 0.0})
+        changes["as_built"] = case.as_built.model_copy(update={"set": sizes, "of_stated": 0.0})
         changes["size"] = case.size.format(*(f"{size:g}" for size in sizes.values()))
     return [case.model_copy(update=changes)]
 
@@ -430,7 +430,7 @@ def _of_stated(case: Case, vehicle: Vehicle) -> list[Case]:
             "error": kind.error,
             "size": f"+-{size:g} {unit}",
             "what": f"{case.what} {kind.entry}, {whose}; all else exact.",
-            "built": Built(set={kind.name: size}, signs=True),
+            "as_built": Built(set={kind.name: size}, signs=True),
             "each_stated": 0.0,
         }
         rows.append(case.model_copy(update=changes))
@@ -439,7 +439,7 @@ def _of_stated(case: Case, vehicle: Vehicle) -> list[Case]:
 
 def _all_stated(case: Case, vehicle: Vehicle) -> Case:
     """Return ``case`` with all errors that sigma includes: hardware, air data, inertia and flow models."""
-    changes: dict[str, Any] = {"built": Built(stated=1.0), "air": Air(drawn=True), "all_stated": False}
+    changes: dict[str, Any] = {"as_built": Built(stated=1.0), "air": Air(drawn=True), "all_stated": False}
     names, mass = ["installation errors", "air data"], vehicle.mass
     if mass is not None:
         across, bending = mass.lateral_g, sqrt(2.0) * mass.vibration_um_per_m  # the amplitude
@@ -448,7 +448,7 @@ def _all_stated(case: Case, vehicle: Vehicle) -> Case:
         )
         names.append(f"{across:g} g along both axes, vibration")
     if vehicle.map.estimator == "nonlinear":
-        changes |= {"map_errors": True, "built": Built(stated=1.0, set={"internal_pressure": 0.0})}
+        changes |= {"map_errors": True, "as_built": Built(stated=1.0, set={"internal_pressure": 0.0})}
         names.append("errors of the pressure on the surface, internal pressure and numerics by the map's list")
     elif (size := _of_flow_models(vehicle)) > 0.0:
         changes["flow"] = Flow(engine="newtonian", drawn=size)
@@ -471,7 +471,7 @@ def _class_of(case: Case, vehicle: Vehicle) -> CaseClass:
     if case.group != "stated":
         return case.group
     noise, mass = vehicle.noise, vehicle.mass
-    sizes = [(value, float(getattr(noise, KINDS[name].entry))) for name, value in case.built.set.items()]
+    sizes = [(value, float(getattr(noise, KINDS[name].entry))) for name, value in case.as_built.set.items()]
     if (inertia := case.inertia) is not None:
         across = 0.0 if mass is None else mass.lateral_g
         sizes += [

@@ -98,8 +98,8 @@ def refuse_unknown(names: Sequence[str]) -> None:
     for name in names:
         kind, _, inputs = name.partition(", ")
         if kind not in NAMES or inputs not in INPUTS:
-            given = ", ".join(one for one in INPUTS if one)
-            raise InputError(f"estimators: expected {', '.join(NAMES)}, or with an end of {given}; got '{name}'")
+            ends = ", ".join(end for end in INPUTS if end)
+            raise InputError(f"estimators: expected {', '.join(NAMES)}, or with an end of {ends}; got '{name}'")
 
 
 def knowing(vehicle: Vehicle, is_exact: bool, case: int) -> Vehicle:
@@ -131,7 +131,8 @@ def maps_for(
     """
     first, second = (knowing(vehicle, is_exact, case) for case in (1, 2))
     maps = {
-        name: build_inverse_map(one, snapshots, structure) for name, one in ((LINEAR_1, first), (LINEAR_2, second))
+        name: build_inverse_map(entry, snapshots, structure)
+        for name, entry in ((LINEAR_1, first), (LINEAR_2, second))
     }
     tables = with_manifold(inverse_map=maps[LINEAR_1], vehicle=first, snapshots=snapshots, structure=structure)
     return {**maps, NONLINEAR: tables}
@@ -153,7 +154,7 @@ class ComparedWorld(World):
 
     def maps(self, case: Case) -> dict[str, InverseMap]:
         """Return the maps that know of the errors of ``case``, by estimator."""
-        is_exact = not case.built.stated
+        is_exact = not case.as_built.stated
         return self.once(is_exact, lambda: maps_for(self.vehicle, self.snapshots, self.map_structure, is_exact))
 
     def bound(self, case: Case, estimator: str = "") -> FloatArray | None:
@@ -161,7 +162,7 @@ class ComparedWorld(World):
         kind, _, inputs = estimator.partition(", ")
         if kind == RANDOM_WALK:
             return None
-        conditions, std = self.flights(case).conditions, np.nan if case.built.stated else 0.0
+        conditions, std = self.flights(case).conditions, np.nan if case.as_built.stated else 0.0
         return cramer_rao_bound(self.maps(case)[NONLINEAR], conditions, INPUTS[inputs], std)
 
     def fields(self, case: Case) -> FloatArray:
@@ -179,7 +180,7 @@ class ComparedWorld(World):
 
     def learned(self, case: Case, kind: str, with_mach: bool) -> EstimateReadings:
         """Return a regression that is trained on the tables for ``case``."""
-        is_exact = not case.built.stated
+        is_exact = not case.as_built.stated
 
         def trained() -> EstimateReadings:
             manifold = self.maps(case)[NONLINEAR].manifold
@@ -218,17 +219,17 @@ def _with_field(estimator: Estimator, read: Readings, field_pressure: FloatArray
     """Return the estimates of last readings, with M_R where it is estimated and known, air data, and the error of
     the field relative to the true one (n, n_p) [Pa]."""
     made = estimate_of(estimator, read)
-    value, std, others = made.coefficients, made.coefficients_std, dict[str, tuple[FloatArray, FloatArray]]()
+    value, std, extras = made.coefficients, made.coefficients_std, dict[str, tuple[FloatArray, FloatArray]]()
     if read.truth.shape[1] > value.shape[1] and made.other_coefficients.shape[-1]:
         value, std = np.column_stack([value, made.M_R]), np.column_stack([std, made.sigma.M_R])
     if estimator.is_nonlinear:
         columns = [(name, AIR_DATA_NAMES.index(name)) for name in AIR_DATA]
-        others = {name: (made.air_data.value[:, k], made.air_data.std[:, k]) for name, k in columns}
+        extras = {name: (made.air_data.value[:, k], made.air_data.std[:, k]) for name, k in columns}
     pressure = estimated_fields(made, np.broadcast_to(read.known.get(STATIC_PRESSURE, np.nan), len(value)))
     if not np.isnan(pressure).any():
         error = np.linalg.norm(pressure - field_pressure, axis=1) / np.linalg.norm(field_pressure, axis=1)
-        others[FIELD] = error, np.full(len(value), np.nan)
-    return Estimates(value=value, std=std, health=np.asarray(made.health, dtype=np.int64), others=others)
+        extras[FIELD] = error, np.full(len(value), np.nan)
+    return Estimates(value=value, std=std, health=np.asarray(made.health, dtype=np.int64), extras=extras)
 
 
 def estimated_fields(made: Estimate, static_pressure: FloatArray) -> FloatArray:
@@ -237,8 +238,10 @@ def estimated_fields(made: Estimate, static_pressure: FloatArray) -> FloatArray:
     Strain of a vented body says nothing of p_inf: to a field that is p - p_inf, ``static_pressure`` (k,) is added.
     """
     fields = [made[sample].pressure(with_std=False) for sample in range(len(made))]
-    ambient = [p_inf if one.is_net else 0.0 for one, p_inf in zip(fields, static_pressure.tolist(), strict=True)]
-    return np.stack([one.pressure for one in fields]) + np.array(ambient)[:, None]
+    ambient = [
+        p_inf if field.is_net else 0.0 for field, p_inf in zip(fields, static_pressure.tolist(), strict=True)
+    ]
+    return np.stack([field.pressure for field in fields]) + np.array(ambient)[:, None]
 
 
 def training_flights(
@@ -405,7 +408,7 @@ def of_regression(name: str, training: Readings, calibration: Readings, seed: in
         value = predicted(read)
         bands = np.broadcast_to(half_width / 3.0, value.shape)
         angles = {name: (value[:, 5 + k], bands[:, 5 + k]) for k, name in enumerate(ANGLES)}
-        return Estimates(value=value[:, :5], std=bands[:, :5], others=angles)
+        return Estimates(value=value[:, :5], std=bands[:, :5], extras=angles)
 
     known = features(training)
     feature_mean, feature_std = known.mean(axis=0), known.std(axis=0)
@@ -426,13 +429,13 @@ def step_costs(manifold: ManifoldMap, seed: int = 1) -> dict[str, float]:
     training, calibration = (
         training_flights(manifold, ALTITUDES_KM, count, random) for count in (COST_TRAINING, COST_TRAINING // 4)
     )
-    one = calibration.rows(slice(1))
+    single = calibration.rows(slice(1))
 
     def cost(name: str) -> float:
         estimate, times = of_regression(name, training, calibration, seed), list[float]()
         for _ in range(1 + COST_STEPS):
             start = perf_counter()
-            estimate(one)
+            estimate(single)
             times.append(perf_counter() - start)
         return float(np.median(times[1:]))
 

@@ -95,20 +95,22 @@ def flown_conditions(
     number = max(1, count // FEWER_BEYOND) if table is None and where.is_beyond else count
     conditions = _inside(where, vehicle, table, number, random)
     if where.edge is not None:
-        conditions = [_at_edge(one, vehicle, where.edge, random) for one in conditions]
+        conditions = [_at_edge(condition, vehicle, where.edge, random) for condition in conditions]
     if where.mirrored:
-        conditions = [_mirrored(one, vehicle, random) for one in conditions]
+        conditions = [_mirrored(condition, vehicle, random) for condition in conditions]
     if (band := _incidences(where, vehicle)) is not None:
         largest = envelope_incidence(vehicle)
         _refuse_beyond(table, incidence=band[1] * largest)
-        conditions = [at_any_roll(one, float(random.uniform(*band)) * largest, random) for one in conditions]
+        conditions = [
+            at_any_roll(condition, float(random.uniform(*band)) * largest, random) for condition in conditions
+        ]
     if where.mach is not None:
         listed = vehicle.conditions.mach_number
         mach = where.mach * (min(listed) if where.mach < 1.0 else max(listed))
         _refuse_beyond(table, mach=mach)
-        conditions = [replace(one, mach_number=mach) for one in conditions]
+        conditions = [replace(condition, mach_number=mach) for condition in conditions]
     if where.altitude_km is not None:
-        conditions = [replace(one, altitude=1e3 * where.altitude_km) for one in conditions]
+        conditions = [replace(condition, altitude=1e3 * where.altitude_km) for condition in conditions]
     return conditions
 
 
@@ -131,7 +133,7 @@ def _inside(
     conditions = held_out_conditions(vehicle, table, count, random, band)
     if not listed:
         return conditions
-    return [replace(one, altitude=1e3 * float(random.uniform(*heights))) for one in conditions]
+    return [replace(condition, altitude=1e3 * float(random.uniform(*heights))) for condition in conditions]
 
 
 def _in_square(
@@ -144,7 +146,9 @@ def _in_square(
         random,
         ranges=[(-half, half), (-half, half), range_of(vehicle.conditions.mach_number), heights_km],
         made=lambda alpha, beta, mach, height: FlightCondition(mach, alpha, beta, 1e3 * height),
-        is_inside=lambda one: angle is not None or hypot(one.angle_of_attack, one.sideslip_angle) <= largest,
+        is_inside=lambda condition: (
+            angle is not None or hypot(condition.angle_of_attack, condition.sideslip_angle) <= largest
+        ),
     )
 
 
@@ -152,7 +156,7 @@ def square_angle(part: float, vehicle: Vehicle) -> float | None:
     """Return the largest angle of attack and sideslip [rad] of a square; None for the disc of the envelope."""
     entry = vehicle.conditions
     listed = (entry.angle_of_attack_deg, entry.sideslip_angle_deg)
-    largest = min(max(map(abs, one), default=0.0) for one in listed)
+    largest = min(max(map(abs, angles), default=0.0) for angles in listed)
     return radians(part * largest) if largest > 0.0 else None
 
 
@@ -191,8 +195,10 @@ def _mirrored(condition: FlightCondition, vehicle: Vehicle, random: np.random.Ge
         return replace(condition, angle_of_attack=angles[0], sideslip_angle=angles[1])
 
     ranges = [range_of(entry.angle_of_attack_deg), range_of(entry.sideslip_angle_deg)]
-    (found,) = uniform_conditions(1, random, ranges, turned, lambda one: one.total_incidence <= incidence)
-    return found
+    (mirrored,) = uniform_conditions(
+        1, random, ranges, turned, lambda condition: condition.total_incidence <= incidence
+    )
+    return mirrored
 
 
 def _refuse_beyond(table: FlowTable | None, mach: float | None = None, incidence: float = 0.0) -> None:
@@ -226,7 +232,7 @@ def is_inside(where: Where, vehicle: Vehicle) -> bool:
         low, high = drawn_altitudes_km(vehicle, vehicle.map.valid_altitude_km)
         return low <= where.altitude_km <= high
     both = (entry.angle_of_attack_deg, entry.sideslip_angle_deg)
-    symmetric = vehicle.map.symmetry == "full" or all(np.isclose(min(one), -max(one)) for one in both)
+    symmetric = vehicle.map.symmetry == "full" or all(np.isclose(min(angles), -max(angles)) for angles in both)
     return symmetric or not where.mirrored
 
 
@@ -301,7 +307,7 @@ def held_out_conditions(
         random,
         ranges=[*angles, (lowest, highest), drawn_altitudes_km(vehicle)],
         made=made,
-        is_inside=lambda one: band is not None or one.total_incidence <= incidence,
+        is_inside=lambda condition: band is not None or condition.total_incidence <= incidence,
     )
 
 
@@ -314,10 +320,10 @@ def conditions_in_ranges(
     """
     entry, heights = vehicle.conditions, (1e3 * altitudes_km[0], 1e3 * altitudes_km[1])
     listed = [entry.mach_number, entry.angle_of_attack_deg, entry.sideslip_angle_deg]
-    listed += [one.values for one in entry.parameters.values()]
+    listed += [parameter.values for parameter in entry.parameters.values()]
 
-    def made(mach: float, alpha: float, beta: float, *others: float) -> FlightCondition:
-        return FlightCondition(mach, radians(alpha), radians(beta), others[-1], others[:-1])
+    def made(mach: float, alpha: float, beta: float, *rest: float) -> FlightCondition:
+        return FlightCondition(mach, radians(alpha), radians(beta), rest[-1], rest[:-1])
 
     return uniform_conditions(count, random, [*map(range_of, listed), heights], made)
 
@@ -327,7 +333,7 @@ def uniform_conditions(
     random: np.random.Generator,
     ranges: Sequence[tuple[float, float]],
     made: Callable[..., FlightCondition],
-    is_inside: Callable[[FlightCondition], bool] = lambda one: True,
+    is_inside: Callable[[FlightCondition], bool] = lambda condition: True,
 ) -> list[FlightCondition]:
     """Return ``count`` conditions, ``made`` of numbers that are uniform in ``ranges``; a condition that is not
     inside is drawn again."""
@@ -347,7 +353,7 @@ def range_of(values: Sequence[float]) -> tuple[float, float]:
 def flight_states(conditions: Sequence[FlightCondition]) -> FloatArray:
     """Return (k, 4) the flight states of ``conditions``: M, u, w [rad] and ln p_inf, as tables over them have."""
     mach, incidence, roll = flow_states(conditions)
-    pressure = np.array([one.ambient_pressure for one in conditions])
+    pressure = np.array([condition.ambient_pressure for condition in conditions])
     return np.column_stack([mach, incidence * np.cos(roll), incidence * np.sin(roll), np.log(pressure)])
 
 
@@ -422,13 +428,13 @@ class Motion(Section):
     def gives(self, roll_angle: FloatArray, random: np.random.Generator) -> BoolArray:
         """Return (n, n_d) whether each gauge, at ``roll_angle`` (n_d,) [rad], gives a reading."""
         time, middle = self.time, 0.5 * self.seconds
-        given = np.ones((len(time), len(roll_angle)), dtype=bool)
+        reads = np.ones((len(time), len(roll_angle)), dtype=bool)
         if self.lost_rows:
             rows = np.round(np.mod(roll_angle, 2.0 * pi), 6)
             first = random.choice(np.unique(rows))
             opposite = np.isclose(np.cos(rows - first), -1.0)
             lost = (rows == first) | (opposite & (self.lost_rows > 1))
-            given[np.ix_(time >= middle, lost)] = False
+            reads[np.ix_(time >= middle, lost)] = False
         if self.no_strain > 0.0:
-            given[np.abs(time - middle) < 0.5 * self.no_strain] = False
-        return given
+            reads[np.abs(time - middle) < 0.5 * self.no_strain] = False
+        return reads

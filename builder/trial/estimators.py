@@ -45,13 +45,13 @@ class Estimates:
     ----------
     value, std : (n, m) of the loads.
     health : (n,); None where none is stated.
-    others : value and standard deviation (n,) of what is no load, by name: air data, errors of a field.
+    extras : value and standard deviation (n,) of what is no load, by name: air data, errors of a field.
     """
 
     value: FloatArray
     std: FloatArray
     health: IntArray | None = None
-    others: Mapping[str, tuple[FloatArray, FloatArray]] = field(default_factory=dict)
+    extras: Mapping[str, tuple[FloatArray, FloatArray]] = field(default_factory=dict)
 
     def rows(self, rows: IntArray) -> Estimates:
         """Return the samples ``rows`` alone."""

@@ -163,14 +163,14 @@ class Lost(Section):
                 gauges = np.sort(random.choice(n_d, size=self.count or n_d // 2, replace=False))
                 sets["all but " + " ".join(f"{gauge + 1}" for gauge in gauges)] = np.isin(np.arange(n_d), gauges)
         else:
-            for direction, other in (("hoop", axial), ("axial", ~axial)):
+            for direction, remaining in (("hoop", axial), ("axial", ~axial)):
                 if self.gauges == "direction":
-                    sets[direction] = other
+                    sets[direction] = remaining
                 for row in rows if self.gauges != "direction" else ():
                     if self.gauges == "direction of a row":
-                        sets[f"{direction} at {row:g} deg"] = other | (roll != row)
+                        sets[f"{direction} at {row:g} deg"] = remaining | (roll != row)
                     else:
-                        sets[f"{direction} and {row:g} deg"] = other & (roll != row)
+                        sets[f"{direction} and {row:g} deg"] = remaining & (roll != row)
         if not (sensible := {name: gauges for name, gauges in sets.items() if 0 < gauges.sum() < n_d}):
             raise NoSuchGaugesError(f"no such gauges to lose among {n_d} in {len(rows)} rows")
         return sensible

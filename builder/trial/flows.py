@@ -84,37 +84,37 @@ class Flow(Section):
     raised: float = 0.0
     spot: Spot | None = None
 
-    def table(self, vehicle: Vehicle, own: FlowTable) -> FlowTable:
-        """Return it as harmonics, instead of the harmonics of ``own``."""
-        surface, n_m = truth_surface(vehicle), own.harmonic.shape[3]
+    def table(self, vehicle: Vehicle, flows: FlowTable) -> FlowTable:
+        """Return it as harmonics, instead of the harmonics of ``flows``."""
+        surface, n_m = truth_surface(vehicle), flows.harmonic.shape[3]
         if self.engine is not None:
-            at = self._ratio_at(vehicle, mesh_of_grid(surface))
-            knots = product(own.mach_knots.tolist(), own.incidence_knots.tolist())
+            ratio_at = self._ratio_at(vehicle, mesh_of_grid(surface))
+            knots = product(flows.mach_knots.tolist(), flows.incidence_knots.tolist())
             # Without sideslip the leeward meridian is at roll angle 0, as the table counts.
-            ratio = [at(FlightCondition(mach, incidence, 0.0, 0.0)) for mach, incidence in knots]
-            series = np.array([cosine_series(surface.as_map(one), n_m) for one in ratio])
-            harmonic, engine = series.reshape(own.harmonic.shape), {"engine": self.engine}
-            return replace(own, harmonic=harmonic, provenance=own.provenance | engine)
-        harmonic = own.harmonic.copy()
+            ratio = [ratio_at(FlightCondition(mach, incidence, 0.0, 0.0)) for mach, incidence in knots]
+            series = np.array([cosine_series(surface.as_map(values), n_m) for values in ratio])
+            harmonic, engine = series.reshape(flows.harmonic.shape), {"engine": self.engine}
+            return replace(flows, harmonic=harmonic, provenance=flows.provenance | engine)
+        harmonic = flows.harmonic.copy()
         harmonic[..., 0] += self.raised
         if self.spot is not None:
             amplitude = cosine_series(self.spot.around(surface.roll_angle), n_m)
             harmonic = harmonic + self.spot.size * np.outer(self.spot.along(surface.x), amplitude)
-        return replace(own, harmonic=harmonic)
+        return replace(flows, harmonic=harmonic)
 
-    def surface(self, vehicle: Vehicle, own: Snapshots) -> Snapshots:
-        """Return it at the nodes of ``own``, instead of theirs."""
-        conditions = own.conditions()
+    def surface(self, vehicle: Vehicle, flows: Snapshots) -> Snapshots:
+        """Return it at the nodes of ``flows``, instead of theirs."""
+        conditions = flows.conditions()
         ambient = np.array([condition.ambient_pressure for condition in conditions])[:, None]
         if self.engine is not None:
-            at = self._ratio_at(vehicle, own.surface)
-            return replace(own, pressure=ambient * np.array([at(condition) for condition in conditions]))
+            ratio_at = self._ratio_at(vehicle, flows.surface)
+            return replace(flows, pressure=ambient * np.array([ratio_at(condition) for condition in conditions]))
         shape: FloatArray | float = self.raised
         if self.spot is not None:
-            x, y, z = own.point.T
+            x, y, z = flows.point.T
             leeward = np.array([condition.leeward_roll_angle for condition in conditions])[:, None]
             shape = self.spot.size * self.spot.around(np.arctan2(y, z) - leeward) * self.spot.along(x)
-        return replace(own, pressure=own.pressure + ambient * shape)
+        return replace(flows, pressure=flows.pressure + ambient * shape)
 
     def _ratio_at(self, vehicle: Vehicle, surface: SurfaceMesh) -> Callable[[FlightCondition], FloatArray]:
         """Return p / p_inf at the nodes of ``surface`` by condition.

@@ -40,7 +40,7 @@ HARDWARE = Case(
     error="installation errors, air data",
     group="alone",
     where=Where(altitudes="map"),
-    built=Built(stated=1.0),
+    as_built=Built(stated=1.0),
     air=Air(drawn=True),
 )
 """What levels are set from: errors of hardware and air data, drawn at their stated sizes."""
@@ -121,8 +121,8 @@ def alarm_scales(ratios: FloatArray) -> FloatArray:
 
     ``ratios`` (t, n) are the tests of n samples, each over its present level.
     """
-    each = RATE / len(ratios)
-    scales = np.array([tail_quantile(ratio, each) for ratio in ratios])
+    rate = RATE / len(ratios)
+    scales = np.array([tail_quantile(ratio, rate) for ratio in ratios])
     largest = np.max(ratios / scales[:, None], axis=0)
     return np.asarray(scales * tail_quantile(largest, RATE))
 
@@ -152,7 +152,7 @@ def level_slope(ratios: FloatArray, expected: FloatArray, incidence: FloatArray)
     if np.ptp([expected[part].mean() for part in parts]) < LEAST_RANGE:
         return 0.0
     slopes = np.linspace(0.0, 1.0, SLOPES)
-    most = np.array([_most_alarms(ratios / (1.0 + one * (expected - 1.0)), parts) for one in slopes.tolist()])
+    most = np.array([_most_alarms(ratios / (1.0 + slope * (expected - 1.0)), parts) for slope in slopes.tolist()])
     return float(slopes[np.argmax(most <= AS_FEW * most.min())])
 
 
@@ -166,13 +166,13 @@ def _most_alarms(ratios: FloatArray, parts: list[IntArray]) -> int:
 def linear_tests(inverse_map: InverseMap, flights: Iterable[Readings]) -> FloatArray:
     """Return (4, n) of the linear map: chi-square and the squared largest |z|, each over its level, the factor by
     which the levels of a sample follow its strain, and its incidence [rad]."""
-    whole = Estimator(inverse_map.without_tables())
+    estimator = Estimator(inverse_map.without_tables())
     n, freedom = inverse_map.n_gauges, inverse_map.residual_degrees_of_freedom
     threshold = outlier_threshold(n, FALSE_ALARM_PROBABILITY) ** 2 * inverse_map.outlier_scale
     nominal = inverse_map.chi_square_scale * chi_square_limit(freedom)
     tests = list[FloatArray]()
     for block in flights:
-        made = whole.estimate(block.strain, block.known[DYNAMIC_PRESSURE], with_residuals=True)
+        made = estimator.estimate(block.strain, block.known[DYNAMIC_PRESSURE], with_residuals=True)
         limit = np.asarray(made.chi_square_limit)
         worst = np.max(np.abs(made.standardised_residual), axis=1) ** 2
         incidence = np.array([condition.total_incidence for condition in block.conditions])[block.flight]
@@ -223,14 +223,14 @@ def tail_ratios(inverse_map: InverseMap, flights: Readings) -> FloatArray:
     return ratios
 
 
-def _ratios(estimator: Estimator, found: Estimate) -> FloatArray:
+def _ratios(estimator: Estimator, made: Estimate) -> FloatArray:
     """Return the tests of strain (2 or 3, n) of estimates, each over its level."""
     manifold = estimator.inverse_map.manifold
     assert manifold is not None
     tests = [
-        found.chi_square / np.asarray(found.chi_square_limit),
-        (np.max(np.abs(found.standardised_residual), axis=1) / found.residual_limit) ** 2,
+        made.chi_square / np.asarray(made.chi_square_limit),
+        (np.max(np.abs(made.standardised_residual), axis=1) / made.residual_limit) ** 2,
     ]
     if manifold.discrepancy_shapes.shape[1]:
-        tests.append(found.discrepancy_chi_square / (estimator.settings.alarm_scale * manifold.shape_limit))
+        tests.append(made.discrepancy_chi_square / (estimator.settings.alarm_scale * manifold.shape_limit))
     return np.stack(tests)

@@ -25,7 +25,7 @@ from builder.trial.cases import Air, Built, Case
 from builder.trial.conditions import flight_states, flown_conditions
 from builder.trial.faults import MICRO, AddedStrain, Gauges
 from builder.trial.flows import Flow
-from builder.truth.flights import Flights, drawn
+from builder.truth.flights import Flights, drawn_vehicle
 from builder.truth.revolution.flow_table import FlowTable, flow_states, harmonics_at
 from builder.truth.revolution.strain import (
     FlyingSensors,
@@ -161,9 +161,9 @@ class World(Shared):
         table = flows if flow is None else flow.table(vehicle, flows)
         mach, incidence, _ = flow_states(conditions)
         if flow is not None and flow.drawn:
-            own, other = harmonics_at(flows, mach, incidence), harmonics_at(table, mach, incidence)
-            share = _share(flow, own[:, :1, :1], random)
-            flown = flights_of_harmonics(vehicle, structure, own + share * (other - own), conditions)
+            nominal, changed = harmonics_at(flows, mach, incidence), harmonics_at(table, mach, incidence)
+            share = _share(flow, nominal[:, :1, :1], random)
+            flown = flights_of_harmonics(vehicle, structure, nominal + share * (changed - nominal), conditions)
         else:
             flown = true_flights(vehicle, structure, table, conditions)
         harmonic = None if self.sensors is None else harmonics_at(table, mach, incidence)
@@ -175,10 +175,10 @@ class World(Shared):
         assert isinstance(self.flows, Snapshots)
         return on_nodes_of(self.structure, self.flows)
 
-    def built(self, entry: Built, random: np.random.Generator, count: int | None = None) -> AsBuilt:
+    def as_built(self, entry: Built, random: np.random.Generator, count: int | None = None) -> AsBuilt:
         """Return one vehicle, or ``count`` of them at once."""
         counts, lead = self.structure.counts, () if count is None else (count,)
-        vehicle = entry.of(drawn(self.vehicle.noise, counts, random, entry.stated, count), random)
+        vehicle = entry.with_errors(drawn_vehicle(self.vehicle.noise, counts, random, entry.stated, count), random)
         station = self.gauges.station
         third = np.ptp(station) / 3.0
         middle = (station >= station.min() + third) & (station <= station.max() - third)
@@ -274,7 +274,7 @@ OF_SAMPLES = (STRAIN, "known", "truth", "vehicle", "flight", "bound", "quiet")
 def chosen(value: Any, rows: IntArray | slice, count: int) -> Any:
     """Return the samples ``rows`` of a ``value`` of ``count`` samples: an array, one number for all, a mapping or
     pair of such, or None."""
-    return _of_each([value], lambda one: (one if np.ndim(one) > 1 else np.broadcast_to(one, count))[rows])
+    return _of_each([value], lambda array: (array if np.ndim(array) > 1 else np.broadcast_to(array, count))[rows])
 
 
 def stacked(values: Sequence[Any], counts: Sequence[int]) -> Any:
@@ -291,7 +291,7 @@ def _of_each(values: Sequence[Any], function: Callable[..., FloatArray]) -> Any:
     if isinstance(first, Mapping):
         return {name: _of_each([value[name] for value in values], function) for name in first}
     if isinstance(first, tuple):
-        return tuple(_of_each(each, function) for each in zip(*values, strict=True))
+        return tuple(_of_each(entries, function) for entries in zip(*values, strict=True))
     return function(*values)
 
 
@@ -319,22 +319,27 @@ def read_case(
 
     Draws come from ``random``, first the errors of the vehicle.
     """
-    built = world.built(case.built, random, vehicles)
-    exact = not (case.built.stated or case.built.set or case.built.middle)
+    vehicle = world.as_built(case.as_built, random, vehicles)
+    exact = not (case.as_built.stated or case.as_built.set or case.as_built.middle)
     gauges, conditions = world.gauges, flights.conditions[rows]
-    strain = flights.read(built, rows, None if exact else random)
+    strain = flights.read(vehicle, rows, None if exact else random)
     n, n_d = len(strain), len(gauges.station)
 
-    each = n // len(conditions)
-    of: Column = partial(_column, conditions, each=each)
-    leeward, dynamic, inertia, how = of("leeward_roll_angle"), of(DYNAMIC_PRESSURE), case.inertia, case.over_time
+    repeats = n // len(conditions)
+    column: Column = partial(_column, conditions, repeats=repeats)
+    leeward, dynamic, inertia, how = (
+        column("leeward_roll_angle"),
+        column(DYNAMIC_PRESSURE),
+        case.inertia,
+        case.over_time,
+    )
     force = np.zeros((n, 2)) if inertia is None else inertia.force(leeward, random)
-    known = navigation_at(conditions, each) if case.air.navigation else {}
+    known = navigation_at(conditions, repeats) if case.air.navigation else {}
     if case.air.parameters_percent:
-        true = np.repeat([condition.parameters for condition in conditions], each, axis=0)
+        true = np.repeat([condition.parameters for condition in conditions], repeats, axis=0)
         known |= _parameters(world.inverse_map, case.air, true, random)
-    known[DYNAMIC_PRESSURE] = dynamic * (1.0 + np.reshape(built.dynamic_pressure, -1))
-    known = _given(world.vehicle, case.air, known, of, force, random)
+    known[DYNAMIC_PRESSURE] = dynamic * (1.0 + np.reshape(vehicle.dynamic_pressure, -1))
+    known = _given(world.vehicle, case.air, known, column, force, random)
     if case.friction:
         strain[:, :n_d] += world.added.friction(case.friction, dynamic)
     if case.heating is not None:
@@ -365,9 +370,9 @@ def read_case(
     made = Readings(
         strain=strain,
         known=known,
-        truth=np.repeat(truth, each, axis=0),
+        truth=np.repeat(truth, repeats, axis=0),
         vehicle=np.full(n, number) if vehicles is None else number + np.arange(n),
-        flight=np.repeat(np.arange(len(flights.conditions))[rows], each),
+        flight=np.repeat(np.arange(len(flights.conditions))[rows], repeats),
         time=time,
         conditions=tuple(flights.conditions),
         quiet=quiet if case.motion is not None and exact else None,
@@ -386,14 +391,14 @@ def with_map_errors(inverse_map: InverseMap, read: Readings, random: np.random.G
     states = read.states
     followed = np.vstack([manifold.error_strain, manifold.error_load])
     columns = np.hstack([followed, manifold.considered_columns])
-    found = np.exp(states[:, 3:]) * (random.standard_normal((len(states), columns.shape[1])) @ columns.T)
+    errors = np.exp(states[:, 3:]) * (random.standard_normal((len(states), columns.shape[1])) @ columns.T)
     if (tables := manifold.considered_tables) is not None:
-        found += random.standard_normal((len(states), 1)) * evaluate(tables, states).value
-    q = np.array([one.dynamic_pressure for one in read.conditions])[read.flight, None]
+        errors += random.standard_normal((len(states), 1)) * evaluate(tables, states).value
+    q = np.array([condition.dynamic_pressure for condition in read.conditions])[read.flight, None]
     n_d, five = manifold.n_gauges, len(manifold.references)
     truth = read.truth.copy()
-    truth[:, :five] += found[:, n_d : n_d + five] / (q * manifold.references)
-    return replace(read, strain=read.strain + found[:, :n_d], truth=truth)
+    truth[:, :five] += errors[:, n_d : n_d + five] / (q * manifold.references)
+    return replace(read, strain=read.strain + errors[:, :n_d], truth=truth)
 
 
 def read_own_vehicles(
@@ -404,9 +409,9 @@ def read_own_vehicles(
     generators = random.spawn(len(flights.conditions))
 
     def of_flight(number: int) -> Readings:
-        row, own = slice(number, number + 1), generators[number]
+        row, generator = slice(number, number + 1), generators[number]
         first = number * vehicles
-        return read_case(world, case, flights, number=first, random=own, rows=row, vehicles=vehicles)
+        return read_case(world, case, flights, number=first, random=generator, rows=row, vehicles=vehicles)
 
     block = max(1, min(BATCH, LARGEST_BATCH // len(world.noise_std)) // vehicles)
     with ThreadPoolExecutor(processors()) as pool:
@@ -432,19 +437,19 @@ def read_motion(world: World, case: Case, number: int, random: np.random.Generat
     return replace(read, strain=strain, known=known, truth=truth, flight=flight, time=time, conditions=())
 
 
-def navigation_at(conditions: Sequence[FlightCondition], each: int = 1) -> dict[str, Any]:
-    """Return exact Mach number, p_inf and altitude, ``each`` so many times.
+def navigation_at(conditions: Sequence[FlightCondition], repeats: int = 1) -> dict[str, Any]:
+    """Return exact Mach number, p_inf and altitude, each ``repeats`` times.
 
     Each is a measurement of its own, and so is the dynamic pressure that is given with them.
     """
     names = {MACH_NUMBER: MACH_NUMBER, STATIC_PRESSURE: AMBIENT_PRESSURE, ALTITUDE: ALTITUDE}
-    known = {given: _column(conditions, name, each) for given, name in names.items()}
+    known = {argument: _column(conditions, name, repeats) for argument, name in names.items()}
     return {**known, Q_SOURCE: float(QSource.INDEPENDENT)}
 
 
-def _column(conditions: Sequence[FlightCondition], name: str, each: int) -> FloatArray:
-    """Return a quantity of each of ``conditions``, ``each`` so many times."""
-    return np.repeat([float(getattr(condition, name)) for condition in conditions], each)
+def _column(conditions: Sequence[FlightCondition], name: str, repeats: int) -> FloatArray:
+    """Return a quantity of each of ``conditions``, each ``repeats`` times."""
+    return np.repeat([float(getattr(condition, name)) for condition in conditions], repeats)
 
 
 def _with_errors(known: dict[str, Any], noise: Noise, random: np.random.Generator) -> dict[str, Any]:
@@ -459,15 +464,20 @@ def _with_errors(known: dict[str, Any], noise: Noise, random: np.random.Generato
 
 
 def _given(
-    vehicle: Vehicle, air: Air, known: dict[str, Any], of: Column, force: FloatArray, random: np.random.Generator
+    vehicle: Vehicle,
+    air: Air,
+    known: dict[str, Any],
+    column: Column,
+    force: FloatArray,
+    random: np.random.Generator,
 ) -> dict[str, Any]:
     """Return what is given otherwise, or in addition to what is ``known``; ``force`` (n, 2) is the specific force
     across the axis [m/s2]."""
     if air.source is not None:
-        known = _computed(air, vehicle.noise, of, random)
+        known = _computed(air, vehicle.noise, column, random)
     if air.angles:
         for name, angle in zip(MEASURED_ANGLES, ANGLES, strict=True):
-            known[name] = of(angle) + ANGLE_ERROR * random.standard_normal(len(force))
+            known[name] = column(angle) + ANGLE_ERROR * random.standard_normal(len(force))
     if air.inertial:
         known |= _inertial(vehicle, force, random)
         if air.vibration_um_per_m:
@@ -475,12 +485,12 @@ def _given(
     return known
 
 
-def _computed(air: Air, noise: Noise, of: Column, random: np.random.Generator) -> dict[str, Any]:
+def _computed(air: Air, noise: Noise, column: Column, random: np.random.Generator) -> dict[str, Any]:
     """Return M, p_inf or altitude, and q_inf that is computed of them."""
     height = np.arange(0.0, LAYERS[-1][0], 5.0)
     standard = -np.log(static_pressure_at(height))
-    altitude = np.interp(-np.log(of(AMBIENT_PRESSURE) / air.day), standard, height) + air.altitude_off
-    exact = {MACH_NUMBER: of(MACH_NUMBER) + air.mach_off, STATIC_PRESSURE: static_pressure_at(altitude)}
+    altitude = np.interp(-np.log(column(AMBIENT_PRESSURE) / air.day), standard, height) + air.altitude_off
+    exact = {MACH_NUMBER: column(MACH_NUMBER) + air.mach_off, STATIC_PRESSURE: static_pressure_at(altitude)}
     known = _with_errors(exact, noise, random)
     if air.source == ALTITUDE:
         known = {MACH_NUMBER: known[MACH_NUMBER], ALTITUDE: altitude}
@@ -510,6 +520,6 @@ def _parameters(
     """Return flow parameters with errors, ``true`` (n, p), and their standard deviations."""
     parameters = Estimator(inverse_map).parameters
     std = 0.01 * air.parameters_percent * parameters.span
-    given = true + std * (air.parameters_off + random.standard_normal(true.shape))
+    stated = true + std * (air.parameters_off + random.standard_normal(true.shape))
     stds = {name: np.full(len(true), size) for name, size in zip(parameters.names, std.tolist(), strict=True)}
-    return {"parameters": dict(zip(parameters.names, given.T, strict=True)), "parameters_std": stds}
+    return {"parameters": dict(zip(parameters.names, stated.T, strict=True)), "parameters_std": stds}

@@ -110,9 +110,9 @@ def scored(
         none = np.empty((len(batch.strain), 0))
         read.append(batch if case.motion is not None else replace(batch, strain=none, time=None))
     every, sixth = joined(read), (ROLLING,) if case.motion is None else ANGLES
-    whole, rows = {name: together(made) for name, made in parts.items()}, dict[str, list[Row]]()
+    estimates, rows = {name: together(made) for name, made in parts.items()}, dict[str, list[Row]]()
     single = cache(partial(_of_single, world, read))
-    for name, made in whole.items():
+    for name, made in estimates.items():
         bound = world.bound(case, name)
         bounded = every if bound is None else replace(every, bound=bound[every.flight])
         rows[name] = rows_of((*COEFFICIENT_NAMES, *sixth)[: made.value.shape[1]], made, bounded)
@@ -123,7 +123,7 @@ def scored(
             for row, value in zip(rows[name][1:], ratio.tolist(), strict=True):
                 row["over_single"] = value
     return {
-        name: labelled(case, name, of_name) + _tenths(case, name, whole[name], every)
+        name: labelled(case, name, of_name) + _tenths(case, name, estimates[name], every)
         for name, of_name in rows.items()
     }
 

@@ -94,9 +94,9 @@ def rows_of(names: Sequence[str], made: Estimates, read: Readings) -> list[Row]:
     error, count = value - read.truth[:, : value.shape[1]], len(value)
     with np.errstate(invalid="ignore", divide="ignore"):
         z = np.where(std > 0.0, error / std, np.nan)
-    covered, given = is_within(error, std), np.isfinite(value)
+    covered, known = is_within(error, std), np.isfinite(value)
     health = np.full(count, HealthState.OK) if made.health is None else made.health
-    flagged, everything = ~np.isin(health, UNFLAGGED), np.asarray(given.all(axis=1))
+    flagged, everything = ~np.isin(health, UNFLAGGED), np.asarray(known.all(axis=1))
     shared: Row = {
         "samples": count,
         "vehicles": clusters.sizes[0],
@@ -106,28 +106,30 @@ def rows_of(names: Sequence[str], made: Estimates, read: Readings) -> list[Row]:
     }
     states = {} if made.health is None else {HealthState(s).name: np.mean(health == s) for s in np.unique(health)}
     shared["health"] = " ".join(f"{name} {100.0 * share:.6g}" for name, share in states.items())
-    right = np.asarray((covered | ~given).all(axis=1))
+    right = np.asarray((covered | ~known).all(axis=1))
     rows: list[Row] = [{"load": ALL, **shared, **_parts(clusters, right, flagged, everything)}]
     spread = np.ptp(read.truth, axis=0)
     for column, name in enumerate(names):
-        own = error[:, column]
-        row: Row = {"load": name, **shared, **_parts(clusters, covered[:, column], flagged, given[:, column])}
+        error_of_load = error[:, column]
+        row: Row = {"load": name, **shared, **_parts(clusters, covered[:, column], flagged, known[:, column])}
         rms_z = _rms(clusters, z[:, column])
-        row |= _errors(clusters, own, std[:, column])
+        row |= _errors(clusters, error_of_load, std[:, column])
         row |= {"rms_z": rms_z[0], "rms_z_error": rms_z[1]}
         row["rms_of_range"] = row["rms"] / spread[column] if spread[column] > CONSTANT else np.nan
-        row |= clusters.percent("covered_1", is_within(own, std[:, column], 1.0))
+        row |= clusters.percent("covered_1", is_within(error_of_load, std[:, column], 1.0))
         if read.bound is not None and column < read.bound.shape[1]:
             row["bound"] = sqrt(clusters.mean(read.bound[:, column] ** 2)[0])
             row["over_bound"] = row["rms"] / row["bound"]
         rows.append(row)
-    return rows + [{"load": name, **shared, **_of_other(clusters, name, made, read)} for name in made.others]
+    return rows + [{"load": name, **shared, **_of_other(clusters, name, made, read)} for name in made.extras]
 
 
 def _of_other(clusters: Clusters, name: str, made: Estimates, read: Readings) -> Row:
     """Return the errors of what is no load: of a quantity of the flight, or an error of a field as it is."""
-    value, std = made.others[name]
-    truth = np.array([getattr(one, RELATIVE.get(name, name), 0.0) for one in read.conditions])[read.flight]
+    value, std = made.extras[name]
+    truth = np.array([getattr(condition, RELATIVE.get(name, name), 0.0) for condition in read.conditions])[
+        read.flight
+    ]
     scale = truth if name in RELATIVE else np.ones(len(truth))
     error = (value - truth) / scale
     median, p95 = np.quantile(np.abs(error), [0.5, 0.95]).tolist()
@@ -139,13 +141,13 @@ def _errors(clusters: Clusters, error: FloatArray, std: FloatArray) -> Row:
     return {"rms": rms, "rms_error": of_rms, "bias": clusters.mean(error)[0], "sigma": clusters.mean(std)[0]}
 
 
-def _parts(clusters: Clusters, right: BoolArray, flagged: BoolArray, given: BoolArray) -> Row:
+def _parts(clusters: Clusters, right: BoolArray, flagged: BoolArray, known: BoolArray) -> Row:
     """Return the fractions of the five parts of the samples, and of covered ones among samples with an
     estimate."""
-    right_given, wrong = right & given, ~right & given
-    events = (right_given & ~flagged, right_given & flagged, wrong & flagged, wrong & ~flagged, ~given)
+    right_given, wrong = right & known, ~right & known
+    events = (right_given & ~flagged, right_given & flagged, wrong & flagged, wrong & ~flagged, ~known)
     parts = [clusters.percent(name, event) for name, event in zip(PARTS, events, strict=True)]
-    covered = clusters.percent("covered", np.where(given, right, np.nan))
+    covered = clusters.percent("covered", np.where(known, right, np.nan))
     return {name: value for part in (covered, *parts) for name, value in part.items()}
 
 
@@ -203,11 +205,11 @@ class Limit:
         return worst
 
     def _text(self, load: str, value: float, error: float) -> str:
-        of = "" if load == ALL else f" of {load}"
+        whose = "" if load == ALL else f" of {load}"
         name = self.column.removesuffix("_percent").replace("_", " ")
         unit = " %" if "percent" in self.column else ""
         aim = f"at most {self.high:g}" if value - self.high >= self.low - value else f"at least {self.low:g}"
-        return f"{name}{of} {value:.3g} +- {error:.2g}{unit}, {aim}{unit} aimed at"
+        return f"{name}{whose} {value:.3g} +- {error:.2g}{unit}, {aim}{unit} aimed at"
 
 
 OF_SAMPLE = ("flagged_percent", "alarm_percent", "undetected_percent")

@@ -100,11 +100,11 @@ def in_order(rows: Sequence[Row]) -> dict[str, list[Row]]:
 
 def loads_of(rows: Sequence[Row]) -> dict[tuple[str, str], list[Row]]:
     """Return the rows of single loads by case and estimator."""
-    found: dict[tuple[str, str], list[Row]] = {}
+    loads: dict[tuple[str, str], list[Row]] = {}
     for row in rows:
         if "rms_z" in row:
-            found.setdefault((row["case"], row["estimator"]), []).append(row)
-    return found
+            loads.setdefault((row["case"], row["estimator"]), []).append(row)
+    return loads
 
 
 HEADINGS = (
@@ -168,7 +168,7 @@ OF_SAMPLES = {"bound": "bound", "bias": "bias", "rms_z": "rms_z", "coverage_1_pe
 def stress_entries(cases: Sequence[Case], rows: Sequence[Row]) -> list[dict[str, Any]]:
     """Return an entry for each case and estimator, as version 0.2 wrote them."""
     of_name, loads, entries = {case.name: case for case in cases}, loads_of(rows), []
-    for row in (one for one in rows if one["load"] == ALL):
+    for row in (entry for entry in rows if entry["load"] == ALL):
         case, words = of_name[f"{row['error']} {row['size']}"], row["health"].split()
         health = {name: round(float(share), 4) for name, share in zip(words[::2], words[1::2], strict=True)}
         entry = {

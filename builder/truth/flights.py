@@ -19,7 +19,7 @@ from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
 from strainfmu.flight_condition import FlightCondition
 
 
-def drawn(
+def drawn_vehicle(
     entry: Noise,
     counts: Counts | int,
     random: np.random.Generator,
@@ -31,12 +31,12 @@ def drawn(
 
     With ``count`` they are as many vehicles at once: what is (n,) of a single vehicle is (count, n) then.
     """
-    of, errors = counts if isinstance(counts, Counts) else Counts(counts), {}
+    numbers, errors = counts if isinstance(counts, Counts) else Counts(counts), {}
     for kind in IN_NOISE:
-        size, std = (*(() if count is None else (count,)), of.in_flight(kind)), kind.std(entry)
+        size, std = (*(() if count is None else (count,)), numbers.in_flight(kind)), kind.std(entry)
         takes = scale > 0.0 and (std > 0.0 or kind.name in ALWAYS_DRAWN)
         errors[kind.name] = scale * std * random.standard_normal(size) if takes else np.zeros(size)
-    return AsBuilt(of, errors)
+    return AsBuilt(numbers, errors)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -62,9 +62,9 @@ class Flights(ABC):
 
     @abstractmethod
     def read(
-        self, built: AsBuilt, rows: slice = slice(None), random: np.random.Generator | None = None
+        self, as_built: AsBuilt, rows: slice = slice(None), random: np.random.Generator | None = None
     ) -> FloatArray:
-        """Return (k, n_d) strain [m/m], without noise, that a vehicle as ``built`` reads in the flights ``rows``;
+        """Return (k, n_d) strain [m/m], without noise, that a vehicle ``as_built`` reads in the flights ``rows``;
         (v, n_d) of v vehicles in one flight. ``random`` draws what a vehicle does not state, where there is
         more."""
 
@@ -73,7 +73,7 @@ def pressures_at(vehicle: Vehicle, conditions: Sequence[FlightCondition]) -> dic
     """Return ``conditions`` and the pressures of flights there, by the attributes of :class:`Flights`."""
     return {
         "conditions": tuple(conditions),
-        "ambient_pressure": np.array([one.ambient_pressure for one in conditions]),
-        DYNAMIC_PRESSURE: np.array([one.dynamic_pressure for one in conditions]),
-        "internal_pressure": np.array([vehicle.internal_pressure(one) for one in conditions]),
+        "ambient_pressure": np.array([condition.ambient_pressure for condition in conditions]),
+        DYNAMIC_PRESSURE: np.array([condition.dynamic_pressure for condition in conditions]),
+        "internal_pressure": np.array([vehicle.internal_pressure(condition) for condition in conditions]),
     }

@@ -31,8 +31,8 @@ class FlownPhysics:
     @property
     def model(self) -> str:
         """What flies, in a few words."""
-        other = f"another physics, {ENGINES_IN_WORDS[self.flies]}"
-        return "independent finer model" if self.is_that_of_map else other
+        another = f"another physics, {ENGINES_IN_WORDS[self.flies]}"
+        return "independent finer model" if self.is_that_of_map else another
 
     @property
     def sentence(self) -> str:

@@ -109,27 +109,27 @@ def flying_structure(vehicle: Vehicle, known: Structure | None, reporter: Report
         return structure_of_check(vehicle, known, known.check)
     layout = vehicle.gauges.layout
     case = structure_case(vehicle, [layout])
-    other = flying_mesh(vehicle, case)
-    if other is None:
+    mesh = flying_mesh(vehicle, case)
+    if mesh is None:
         raise InputError(NO_SECOND_MESH)
     with reporter.stage("Structure: the vehicle that flies") as progress:
-        check = on_other_mesh(case, other, progress)
-    ends = np.cumsum([len(one.name) for one in case.layouts.values()])
-    found = {
-        name: np.arange(end - len(one.name), end)
-        for (name, one), end in zip(case.layouts.items(), ends.tolist(), strict=True)
+        check = on_other_mesh(case, mesh, progress)
+    ends = np.cumsum([len(gauges_of_layout.name) for gauges_of_layout in case.layouts.values()])
+    rows = {
+        name: np.arange(end - len(gauges_of_layout.name), end)
+        for (name, gauges_of_layout), end in zip(case.layouts.items(), ends.tolist(), strict=True)
     }
     gauges = case.layouts[layout]
-    return _structure(vehicle, names=gauges.name, position=gauges.position, check=check, rows=found.__getitem__)
+    return _structure(vehicle, names=gauges.name, position=gauges.position, check=check, rows=rows.__getitem__)
 
 
 def structure_of_check(vehicle: Vehicle, known: Structure, check: MeshCheck) -> ShapeStructure:
     """Return the gauges in use on the mesh that ``known``, the structure of the map, was checked by."""
-    own = known.gauges_of(vehicle.gauges.layout)
+    gauges = known.gauges_of(vehicle.gauges.layout)
     return _structure(
         vehicle,
-        names=tuple(known.gauge_names[i] for i in own),
-        position=known.gauge_position[own],
+        names=tuple(known.gauge_names[i] for i in gauges),
+        position=known.gauge_position[gauges],
         check=check,
         rows=known.gauges_of,
     )
@@ -167,9 +167,9 @@ def on_nodes_of(structure: ShapeStructure, snapshots: Snapshots) -> FloatArray:
     InputError
         The surfaces of flow and structure do not coincide.
     """
-    ways, n_d, n_q = structure.operator.shape
-    flat = structure.operator.reshape(ways * n_d, n_q)
-    return mapped_operator(flat, structure.surface, snapshots)[1].reshape(ways, n_d, -1)
+    n_w, n_d, n_q = structure.operator.shape
+    flat = structure.operator.reshape(n_w * n_d, n_q)
+    return mapped_operator(flat, structure.surface, snapshots)[1].reshape(n_w, n_d, -1)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -188,12 +188,14 @@ class ShapeFlights(Flights):
     gauges: DisplacedGauges
 
     def read(
-        self, built: AsBuilt, rows: slice = slice(None), random: np.random.Generator | None = None
+        self, as_built: AsBuilt, rows: slice = slice(None), random: np.random.Generator | None = None
     ) -> FloatArray:
         ambient = self.ambient_pressure[rows, None]
-        inside = self.internal_pressure[rows, None] + built.internal_pressure * ambient
-        flown = self.gauges.as_built(self.strain[:, rows], built)
-        return np.asarray(flown - inside * self.gauges.as_built(self.unit_strain, built) + built.apparent_strain)
+        inside = self.internal_pressure[rows, None] + as_built.internal_pressure * ambient
+        flown = self.gauges.as_built(self.strain[:, rows], as_built)
+        return np.asarray(
+            flown - inside * self.gauges.as_built(self.unit_strain, as_built) + as_built.apparent_strain
+        )
 
 
 def shape_flights(
@@ -213,7 +215,7 @@ def shape_flights(
     loads = six_loads(flows.surface, reference.moment_station)
     net = flows.pressure - pressures["internal_pressure"][:, None]
     return ShapeFlights(
-        strain=np.stack([flows.pressure @ way.T for way in operator]),
+        strain=np.stack([flows.pressure @ operator_of_way.T for operator_of_way in operator]),
         unit_strain=operator.sum(axis=2),
         gauges=structure.gauges,
         counts=structure.counts,
@@ -244,25 +246,27 @@ def at_conditions(flows: Snapshots, conditions: Sequence[FlightCondition]) -> Sn
 
     Conditions without a flow are left out.
     """
-    row = {_flow_of(one): number for number, one in enumerate(flows.conditions())}
-    known = [one for one in conditions if _flow_of(one) in row]
+    row = {_flow_of(condition): number for number, condition in enumerate(flows.conditions())}
+    known = [condition for condition in conditions if _flow_of(condition) in row]
     if not known:
         return None
-    rows = np.array([row[_flow_of(one)] for one in known])
+    rows = np.array([row[_flow_of(condition)] for condition in known])
     return flown_at(flows.chosen(rows), known, ratio_of(flows)[rows])
 
 
 def ratio_of(flows: Snapshots) -> FloatArray:
     """Return p / p_inf (N, n_p) of ``flows``."""
-    return np.asarray(flows.pressure / np.array([[one.ambient_pressure] for one in flows.conditions()]))
+    return np.asarray(
+        flows.pressure / np.array([[condition.ambient_pressure] for condition in flows.conditions()])
+    )
 
 
 def flown_at(flows: Snapshots, conditions: Sequence[FlightCondition], ratio: FloatArray) -> Snapshots:
     """Return ``flows`` at as many other ``conditions``, where p / p_inf is ``ratio`` (N, n_p)."""
-    ambient = np.array([one.ambient_pressure for one in conditions])
+    ambient = np.array([condition.ambient_pressure for condition in conditions])
     return replace(
         flows,
-        condition=np.array([one.as_row() for one in conditions]),
+        condition=np.array([condition.as_row() for condition in conditions]),
         pressure=ambient[:, None] * ratio,
         internal_pressure=ambient,
     )
@@ -271,7 +275,7 @@ def flown_at(flows: Snapshots, conditions: Sequence[FlightCondition], ratio: Flo
 def _flow_of(condition: FlightCondition) -> tuple[float, ...]:
     """Return what the flow over p_inf depends on, rounded."""
     mach, alpha, beta, _, *parameters = condition.as_row()
-    return tuple(round(one, 9) for one in (mach, alpha, beta, *parameters))
+    return tuple(round(entry, 9) for entry in (mach, alpha, beta, *parameters))
 
 
 def on_nodes(surface: SurfaceMesh, pressure: FloatArray, nodes: SurfaceMesh) -> FloatArray:
@@ -307,5 +311,5 @@ def flights_along(
     for first in range(0, len(time), BLOCK):
         part = time[first : first + BLOCK]
         none: IntArray = np.zeros(len(part), dtype=np.int64)
-        at = flown_at(snapshots.chosen(none), [path.condition_at(float(t)) for t in part], ratio(part))
-        yield shape_flights(vehicle, structure, at, operator)
+        flows_of_part = flown_at(snapshots.chosen(none), [path.condition_at(float(t)) for t in part], ratio(part))
+        yield shape_flights(vehicle, structure, flows_of_part, operator)

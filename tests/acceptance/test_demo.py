@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import csv
 import json
-import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -16,7 +15,7 @@ import numpy as np
 import pytest
 from fmpy import simulate_fmu
 from fmpy.validation import validate_fmu
-from ogive import OGIVE, copied_ogive
+from ogive import OGIVE
 from published_run import check_published_run
 
 import strainfmu
@@ -24,8 +23,7 @@ from builder.calibration.ground_test.load_test_file import read_test_file
 from builder.campaign.snapshots import load_snapshots
 from builder.pipeline.demonstration.flight_scores import score_flight
 from strainfmu.cosim.systems.recording import load_recording
-from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, SCHEMA, SCHEMA_VERSION, load_inverse_map
-from strainfmu.files import content_hash_of
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, load_inverse_map
 from strainfmu.linear.pressure_modes import proper_orthogonal_decomposition
 
 Run = Callable[..., tuple[int, str, str]]
@@ -105,21 +103,6 @@ def test_it_names_every_file_and_a_second_run_reuses_them(ic3x_demo: Path, run: 
     assert (ic3x_demo / "README.txt").read_text(encoding="utf-8") == readme
 
 
-@pytest.mark.slow
-def test_a_damaged_result_is_made_again(ogive_demo: Path, tmp_path: Path, run: Run) -> None:
-    folder = tmp_path / "demo"
-    shutil.copytree(ogive_demo, folder)
-    content = bytearray((folder / "map.h5").read_bytes())
-    content[len(content) // 2] ^= 0xFF
-    (folder / "map.h5").write_bytes(content)
-    code, printed, _ = run("demo", "-o", folder, "--vehicle", OGIVE, "--verbose")
-    assert code == 0
-    assert "snapshots.h5: up to date, reused" in printed
-    assert "map.h5: up to date" not in printed
-    found, expected = (content_hash_of(one / "map.h5", SCHEMA, SCHEMA_VERSION) for one in (folder, ogive_demo))
-    assert found == expected
-
-
 @pytest.mark.parametrize("name", ["estimator.fmu", "plant.fmu"])
 def test_fmus_are_valid_and_run_alone(ic3x_demo: Path, tmp_path: Path, name: str) -> None:
     path, output = str(ic3x_demo / name), str(tmp_path / "result.csv")
@@ -174,21 +157,6 @@ def test_the_bench_runs_on_the_result(ic3x_demo: Path, run: Run, monkeypatch: py
     code, printed, _ = run("bench", ic3x_demo)
     assert code == 0
     assert "bare product" in printed
-
-
-def test_a_manoeuvre_outside_the_snapshots_is_said(ogive_demo: Path, tmp_path: Path, run: Run) -> None:
-    """Sideslip to the other side is inside, every flow being used at every roll angle; more incidence is not."""
-    assert "warning: the manoeuvre" not in (ogive_demo.parent / "printed.txt").read_text(encoding="utf-8")
-    vehicle = copied_ogive(tmp_path / "vehicle")
-    shutil.copytree(ogive_demo, tmp_path / "demo")
-    vehicle.with_name("manoeuvre.csv").write_text(
-        "time_s,mach_number,angle_of_attack_deg,sideslip_angle_deg,altitude_km\n0,4.8,1,0,22\n1,4.6,6.9,-1,22\n"
-    )
-    code, printed, _ = run("demo", "--vehicle", vehicle, "-o", tmp_path / "demo")
-    assert code == 0
-    words = " ".join(printed.split())
-    assert "warning: the manoeuvre flies total incidence 1 to 6.972 deg, the map covers 0 to 6.706 deg" in words
-    assert words.count("warning: the manoeuvre") == 1
 
 
 @pytest.mark.slow

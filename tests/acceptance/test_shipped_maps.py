@@ -29,7 +29,7 @@ from builder.inverse.build import build_inverse_map, snapshot_coefficients
 from builder.structure.as_built.as_built_vehicle import exactly_built
 from builder.structure.fourier.fourier_model import StructuralModel, structural_model
 from builder.trial.conditions import held_out_conditions
-from builder.truth.flights import drawn
+from builder.truth.flights import drawn_vehicle
 from builder.truth.revolution.flow_table import FlowTable, load_flow_table
 from builder.truth.revolution.strain import (
     TrueStructure,
@@ -132,7 +132,7 @@ def test_three_sigma_of_a_shipped_map_cover_vehicles_as_built(
     estimator, n = Estimator(inverse_map), inverse_map.n_gauges
     error, sigma, ok, noticed = [], [], [], []
     for number in range(len(conditions)):
-        row, built = slice(number, number + 1), drawn(vehicle.noise, n, random, count=10)
+        row, built = slice(number, number + 1), drawn_vehicle(vehicle.noise, n, random, count=10)
         strain = flights.read(built, row)
         strain = strain + inverse_map.noise_std * random.standard_normal(strain.shape)
         stated = flights.dynamic_pressure[row] * (1.0 + np.reshape(built.dynamic_pressure, -1))

@@ -67,7 +67,7 @@ def calibrated_world(vehicle: Vehicle, true: TrueStructure, table: FlowTable) ->
 def read(world: World, flights: Flights, number: int, count: int) -> FloatArray:
     """Return what vehicles read in a flight, all errors that are stated drawn."""
     random = np.random.default_rng(number)
-    built = truth_flights.drawn(world.vehicle.noise, flights.counts, random, count=count)
+    built = truth_flights.drawn_vehicle(world.vehicle.noise, flights.counts, random, count=count)
     return flights.read(built, slice(number, number + 1), random)
 
 

@@ -36,7 +36,7 @@ from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 
 
 def case_of(built: Built | None = None, **entries: object) -> Case:
-    return Case(error="a", group="alone", built=built or Built(), ground=GroundTest.model_validate(entries))
+    return Case(error="a", group="alone", as_built=built or Built(), ground=GroundTest.model_validate(entries))
 
 
 @pytest.mark.fast

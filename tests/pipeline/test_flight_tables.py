@@ -112,7 +112,7 @@ def test_sensors_read_what_the_rows_of_the_map_give(
     flown, n = flown_sensors(sensed, true_model.surface), len(true_model.names)
     assert flown is not None
     exact = exactly_built(n)
-    model = flight_model(sensed, table, true_model, exact, 1e-7, flown.built(exact, None))
+    model = flight_model(sensed, table, true_model, exact, 1e-7, flown.as_built(exact, None))
     assert model.reading_names[n:] == tuple(f"sensor.{name}" for name in model.gauge_names[n:])
     np.testing.assert_allclose(1e-7 * model.noise_scale[n:], flown.std)
     flow = truth_flows[6.25, round(radians(5.0), 9)]
@@ -133,8 +133,8 @@ def test_sensors_read_what_the_rows_of_the_map_give(
     found = evaluate(model, at).strain[n:]
     np.testing.assert_allclose(found / flown.std, expected / flown.std, rtol=1e-9, atol=1e-6)
     harmonic = pressure_harmonics(flow, structure.surface, 10)[None]
-    np.testing.assert_allclose(sensor_readings(flown.built(exact, None), harmonic, [at])[0], found, rtol=1e-9)
-    drawn = [flown.built(exact, np.random.default_rng(k)) for k in range(40)]
+    np.testing.assert_allclose(sensor_readings(flown.as_built(exact, None), harmonic, [at])[0], found, rtol=1e-9)
+    drawn = [flown.as_built(exact, np.random.default_rng(k)) for k in range(40)]
     error = np.array([sensor_readings(one, harmonic, [at])[0] - found for one in drawn])
     gain = np.array([one.gain for one in rows[:2]])
     np.testing.assert_allclose(error[:, :2].std(axis=0), np.abs(gain * found[:2]), rtol=0.35)

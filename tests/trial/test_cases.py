@@ -53,7 +53,7 @@ def test_every_stated_error_is_tried_alone_and_no_other() -> None:
 
     def rows(noise: Noise) -> list[Case]:
         vehicle = SHIPPED.model_copy(update={"noise": noise})
-        return [case for case in cases_for(vehicle, STRESS) if case.built.signs]
+        return [case for case in cases_for(vehicle, STRESS) if case.as_built.signs]
 
     assert len(rows(Noise(std_um_per_m=1.0, wall_thickness_percent=0.0))) == len(ALWAYS_DRAWN) - 1
     turned = rows(Noise(std_um_per_m=1.0, row_orientation_deg=1.5))[-1]
@@ -68,7 +68,7 @@ def test_classes_and_sizes_follow_from_the_file() -> None:
         assert (case.size, case.group) == ("+2 %", group)
     assert of(SHIPPED, "gain of all gauges")[-1].size == "+5 %"
     case = of(changed("noise", common_gain_percent=2.0), "gain of all gauges")[-1]
-    assert (case.size, case.built.set) == ("+10 %", {"common_gain": 10.0})
+    assert (case.size, case.as_built.set) == ("+10 %", {"common_gain": 10.0})
     listed = changed("map", estimator="linear", symmetry="listed")
     absolute = changed("map", estimator="linear", form="absolute")
     assert of(SHIPPED, "angles mirrored")[0].group == "alone"
@@ -105,13 +105,13 @@ def test_all_stated_errors_are_drawn_together_first(
     """The sizes are the ones that sigma is made of; the tables of a nonlinear map hold errors of the pressure."""
     case = cases_for(vehicle, STRESS)[0]
     assert (case.error, case.name, case.group) == ("all_stated", "all_stated ", "drawn")
-    assert case.built.stated == 1.0
+    assert case.as_built.stated == 1.0
     assert case.air.drawn
     assert (None if case.inertia is None else case.inertia.load_factor) == inertia
     assert (None if case.flow is None else case.flow.drawn) == flow
     assert case.inertia is None or case.inertia.drawn
     assert case.map_errors == (vehicle.map.estimator == "nonlinear")
-    assert case.built.set == ({"internal_pressure": 0.0} if case.map_errors else {})
+    assert case.as_built.set == ({"internal_pressure": 0.0} if case.map_errors else {})
 
 
 FAULTS = """

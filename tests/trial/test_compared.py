@@ -138,7 +138,7 @@ def cone() -> ComparedWorld:
 def test_estimators_are_scored_with_rolling_moment_field_and_air_data(cone: ComparedWorld, stated: float) -> None:
     names = ["linear Case 2", NONLINEAR, "nonlinear, q_inf only", "nonlinear, M and p_inf only", "Kalman filter"]
     how = {"over_time": {"steps": 5}, "air": {"drawn": True}, "tenths_by": ["mach_number"]}
-    case = Case(error="any", group="alone", built=Built(stated=stated), **how)
+    case = Case(error="any", group="alone", as_built=Built(stated=stated), **how)
     plan = Plan(vehicles=2, estimators=names)
     linear, nonlinear, without_air, without_q, filtered = (
         {row["load"]: row for row in rows}
@@ -218,7 +218,7 @@ def test_a_regression_learns_loads_and_angles(name: str) -> None:
     assert np.mean(np.abs(error) <= 3.0 * estimates.std) > 0.98
     assert estimates.health is None
     for column, angle in enumerate(ANGLES, start=5):
-        assert (estimates.others[angle][0] - flown.truth[:, column]).std() < np.radians(2.5)
+        assert (estimates.extras[angle][0] - flown.truth[:, column]).std() < np.radians(2.5)
 
 
 @pytest.mark.usefixtures("few_trees")

@@ -83,15 +83,6 @@ def test_levels_follow_what_rises_with_the_incidence() -> None:
     assert np.mean(tenth[fixed] == 9) > 0.5
 
 
-@pytest.mark.fast
-def test_three_tests_share_the_rate() -> None:
-    random, size = np.random.default_rng(4), np.array([[0.05], [0.1], [0.2]])
-    scales = alarm_scales(size * random.standard_normal((3, 400_000)) ** 2)
-    rates = np.mean(size * random.standard_normal((3, 2_000_000)) ** 2 > scales[:, None], axis=1)
-    assert 0.5 * RATE < rates.sum() < 2.0 * RATE
-    assert np.all(np.abs(rates / rates.mean() - 1.0) < 0.7)
-
-
 @pytest.fixture(scope="module")
 def flights(full_world: World) -> Readings:
     return joined(list(level_readings(full_world, conditions=250, vehicles=40)))

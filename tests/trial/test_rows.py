@@ -58,12 +58,12 @@ def test_air_data_have_errors_in_their_units_and_pressures_over_the_true_ones() 
     """What is no quantity of the flight is an error as it is."""
     condition = FlightCondition(mach_number=6.0, angle_of_attack=0.05, sideslip_angle=0.02, altitude=20e3)
     p_inf, two = condition.ambient_pressure, np.ones(2)
-    others = {
+    extras = {
         "angle_of_attack": (np.array([0.06, 0.05]), 0.01 * two),
         "static_pressure": (1.02 * p_inf * two, 0.01 * p_inf * two),
         "pressure field": (np.array([0.1, 0.3]), np.nan * two),
     }
-    estimates = Estimates(value=np.zeros((2, 1)), std=np.ones((2, 1)), others=others)
+    estimates = Estimates(value=np.zeros((2, 1)), std=np.ones((2, 1)), extras=extras)
     flights = replace(read(np.zeros((2, 1))), conditions=(condition,) * 2)
     _, _, angle, pressure, field = rows_of(("a",), estimates, flights)
     assert (angle["rms"], angle["sigma"]) == pytest.approx((0.01 / np.sqrt(2.0), 0.01))
@@ -279,15 +279,12 @@ SHOWN = [
 ]
 
 
-def test_what_is_missed_comes_first_then_what_is_undetected() -> None:
+def test_what_is_missed_comes_first_then_what_is_undetected_in_table_and_figure() -> None:
+    """The figure has a band of sigma."""
     groups = in_order(SHOWN)
     assert list(groups) == ["alone", "beyond"]
     assert [row["case"] for row in groups["beyond"]] == ["e", "d", "c", "a"]
-
-
-def test_the_figure_has_the_same_order_and_a_band_of_sigma() -> None:
-    figure = trial_figure([*SHOWN, *parts_of("f", "drawn", 0.0, 0.0)], "vehicle")
-    axes = figure.axes
+    axes = trial_figure([*SHOWN, *parts_of("f", "drawn", 0.0, 0.0)], "vehicle").axes
     assert [label.get_text() for label in axes[4].get_yticklabels()] == ["e", "d", "c", "a"]
     assert len(axes[1].patches) == 1  # of the class "drawn" alone
     assert [len(axis.patches) for axis in axes[3::2]] == [0, 0]

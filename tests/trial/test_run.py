@@ -322,16 +322,6 @@ def test_sets_that_are_drawn_have_the_next_samples(mapped: World) -> None:
     assert (every["samples"], every["sets"], every["vehicles"]) == (400, 4, 300)
 
 
-@pytest.mark.slow
-def test_every_set_of_the_shipped_trial(mapped: World) -> None:
-    """The sets of each case together."""
-    file, world = load_trial(trial_path("lost_gauges")), other_world(mapped, conditions=1000)
-    for case in cases_for(world.vehicle, file):
-        for rows in scored(world, case, file.trial).values():
-            covered = [row["covered_percent"] for row in rows[1:]]
-            assert np.nanmin([100.0, *covered]) >= TARGET, case.size
-
-
 MOST_UNDETECTED = {
     ("incidence beyond its largest", "+5 to +20 %"): 13.0,
     ("another engine", "newtonian"): 20.0,

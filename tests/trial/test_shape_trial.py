@@ -27,7 +27,7 @@ from builder.trial.flows import Flow, Spot
 from builder.trial.readings import World
 from builder.trial.run import scored
 from builder.trial.score import MISSED, Row
-from builder.truth.flights import drawn
+from builder.truth.flights import drawn_vehicle
 from builder.truth.shape import ShapeFlights, at_conditions, on_nodes, refuse_without_other_model
 from builder.vehicle.conditions.flight_conditions import FlowParameter
 from builder.vehicle.file import VEHICLES, load_vehicle
@@ -233,7 +233,7 @@ def test_hardware_errors_act_on_the_strain_of_the_net_pressure() -> None:
 def test_many_vehicles_at_once_are_each_on_its_own() -> None:
     """Errors that no displaced gauge shows are refused."""
     noise = load_vehicle(VEHICLES / "elliptic_cone.toml").noise
-    many = drawn(noise, N_D, np.random.default_rng(3), count=4)
+    many = drawn_vehicle(noise, N_D, np.random.default_rng(3), count=4)
     for flight in (0, 5):
         found = flights().read(many, slice(flight, flight + 1))
         for vehicle in range(4):

@@ -249,7 +249,7 @@ def _drifting(
 def with_errors(case: Case, built: AsBuilt, random: np.random.Generator) -> AsBuilt:
     """Return a vehicle with the errors of a case."""
     entry, counts, changes = case.ground or GroundTest(), built.counts, dict[str, FloatArray]()
-    built = case.built.of(built, random)
+    built = case.as_built.with_errors(built, random)
     if entry.zero_um_per_m:
         scatter = random.standard_t(HEAVY_TAIL, counts.gauge)
         changes.update(zero=MICRO * entry.zero_um_per_m * (0.5 + scatter))

@@ -52,7 +52,7 @@ from builder.structure.as_built.wall_regions import counts_in_flight
 from builder.structure.as_built_kinds import IN_NOISE
 from builder.structure.gauge_checks import gauge_roll_angles
 from builder.trial.readings import ANGLES
-from builder.truth.flights import drawn
+from builder.truth.flights import drawn_vehicle
 from builder.truth.independent_model import FlownPhysics, flown_physics, refuse_without_independent_model
 from builder.truth.revolution.flow_table import truth_knots
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
@@ -276,7 +276,7 @@ def vehicle_as_built(vehicle: Vehicle, seed: int | None) -> AsBuilt:
     counts = counts_in_flight(vehicle, gauge_roll_angles(vehicle))
     if seed is None:
         return exactly_built(counts)
-    return drawn(vehicle.noise, counts, np.random.default_rng(seed))
+    return drawn_vehicle(vehicle.noise, counts, np.random.default_rng(seed))
 
 
 def _flight(pipeline: Pipeline, map_name: str, path: Trajectory, zeros: dict[str, float]) -> Recording:

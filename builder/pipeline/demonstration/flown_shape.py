@@ -91,7 +91,9 @@ def make_flight_model(
         vehicle, structure = pipeline.vehicle, solved()
         flown = flown_sensors(vehicle, structure.surface)
         sensors = (
-            None if flown is None else flown.built(as_built, None if seed is None else np.random.default_rng(seed))
+            None
+            if flown is None
+            else flown.as_built(as_built, None if seed is None else np.random.default_rng(seed))
         )
         flows, noise = load_flow_table(pipeline.path(FLOWS)), load_inverse_map(pipeline.path(MAP)).noise_std
         save_flight_model(flight_model(vehicle, flows, structure, as_built, float(noise[0]), sensors), path)

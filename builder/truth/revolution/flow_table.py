@@ -91,9 +91,9 @@ def cosine_series(values: FloatArray, count: int) -> FloatArray:
 
 def flow_states(conditions: Sequence[FlightCondition]) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return M, the total incidence and the roll angle of the leeward meridian [rad] (k,) of ``conditions``."""
-    mach = np.array([one.mach_number for one in conditions])
-    incidence = np.array([one.total_incidence for one in conditions])
-    return mach, incidence, np.array([one.leeward_roll_angle for one in conditions])
+    mach = np.array([condition.mach_number for condition in conditions])
+    incidence = np.array([condition.total_incidence for condition in conditions])
+    return mach, incidence, np.array([condition.leeward_roll_angle for condition in conditions])
 
 
 def harmonics_at(table: FlowTable, mach: FloatArray, incidence: FloatArray) -> FloatArray:
@@ -147,8 +147,8 @@ def knot_weights(table: FlowTable, mach: FloatArray, incidence: FloatArray) -> t
     weight = CubicSpline(knots, np.eye(2 * n_incidence), axis=0)(incidence)
     mirrored, direct = weight[:, :n_incidence][:, ::-1], weight[:, n_incidence:]
     even, odd = (
-        (along_mach[:, :, None] * one[:, None, :]).reshape(len(mach), -1)
-        for one in (direct + mirrored, direct - mirrored)
+        (along_mach[:, :, None] * weight_of_incidence[:, None, :]).reshape(len(mach), -1)
+        for weight_of_incidence in (direct + mirrored, direct - mirrored)
     )
     return even, odd
 

@@ -118,13 +118,13 @@ class BuiltSensors:
 
     def rows(self, n_gauges: int, noise_std: float) -> SensorRows:
         """Return what the rows of a plant read: ``n_gauges`` gauges of noise ``noise_std`` [m/m], then these."""
-        ones = np.ones(n_gauges)
+        unit = np.ones(n_gauges)
         return SensorRows(
             kind=(*(STRAIN,) * n_gauges, *self.kind),
             unit=(*("m/m",) * n_gauges, *self.unit),
-            scale=np.concatenate([ones, self.std / noise_std]),
-            largest=np.concatenate([ones, self.largest]),
-            thrust_response=np.concatenate([0.0 * ones, self.thrust_response]),
+            scale=np.concatenate([unit, self.std / noise_std]),
+            largest=np.concatenate([unit, self.largest]),
+            thrust_response=np.concatenate([0.0 * unit, self.thrust_response]),
         )
 
 
@@ -145,9 +145,9 @@ def sensor_readings(
 
     ``harmonic`` (k, n_x, n_m) are amplitudes of cos(m phi) in p / p_inf, as of the flights of the gauges.
     """
-    roll = np.array([one.leeward_roll_angle for one in conditions])
-    ambient = np.array([one.ambient_pressure for one in conditions])[:, None]
-    dynamic = np.array([one.dynamic_pressure for one in conditions])[:, None]
+    roll = np.array([condition.leeward_roll_angle for condition in conditions])
+    ambient = np.array([condition.ambient_pressure for condition in conditions])[:, None]
+    dynamic = np.array([condition.dynamic_pressure for condition in conditions])[:, None]
     phase = -np.outer(roll, np.arange(harmonic.shape[2]))
     by_harmonic = np.einsum("smxp,kxm->ksmp", sensors.response[:, : harmonic.shape[2]], harmonic, optimize=True)
     of_flow = np.einsum("ksm,km->ks", by_harmonic[..., 0], np.cos(phase))
@@ -159,8 +159,8 @@ def sensor_readings(
 class FlyingSensors(Protocol):
     """Auxiliary sensors of a vehicle that flies."""
 
-    def built(self, built: AsBuilt, random: np.random.Generator | None) -> BuiltSensors:
-        """Return the sensors of a vehicle as ``built``, their own errors drawn; without errors of theirs for
+    def as_built(self, as_built: AsBuilt, random: np.random.Generator | None) -> BuiltSensors:
+        """Return the sensors of a vehicle ``as_built``, their own errors drawn; without errors of theirs for
         None."""
 
 
@@ -182,7 +182,7 @@ class TrueFlights(Flights):
     harmonic: FloatArray | None = None
 
     def read(
-        self, built: AsBuilt, rows: slice = slice(None), random: np.random.Generator | None = None
+        self, as_built: AsBuilt, rows: slice = slice(None), random: np.random.Generator | None = None
     ) -> FloatArray:
         """Return (k, n_d + n_s) readings of one vehicle, or (v, n_d) of v vehicles in one flight; ``random`` draws
         errors of its sensors, None has none."""
@@ -192,10 +192,10 @@ class TrueFlights(Flights):
             conditions=self.conditions[rows],
         )
         ambient, inside = self.ambient_pressure[rows, None], self.internal_pressure[rows, None]
-        strain = reading_of(built, ambient, inside, *strain_per_pressure(flights, built))
+        strain = reading_of(as_built, ambient, inside, *strain_per_pressure(flights, as_built))
         if self.sensors is None or self.harmonic is None:
             return strain
-        sensors = self.sensors.built(built, random)
+        sensors = self.sensors.as_built(as_built, random)
         return np.hstack([strain, sensor_readings(sensors, self.harmonic[rows], flights.conditions)])
 
 
@@ -210,12 +210,12 @@ def true_flights(
 
     def interpolated(at_knots: FloatArray) -> FloatArray:
         """Return (.., k, n_m, n_s, 3) at the conditions of (.., n_knots, n_m, n_s, 3)."""
-        found = np.empty((*at_knots.shape[:-4], len(mach), *at_knots.shape[-3:]))
+        at_conditions = np.empty((*at_knots.shape[:-4], len(mach), *at_knots.shape[-3:]))
         for of_parity, weight in weights:
             part = at_knots[..., of_parity, :, :]
             values = weight @ part.reshape(*part.shape[:-3], math.prod(part.shape[-3:]))
-            found[..., of_parity, :, :] = values.reshape(*values.shape[:-1], *part.shape[-3:])
-        return found
+            at_conditions[..., of_parity, :, :] = values.reshape(*values.shape[:-1], *part.shape[-3:])
+        return at_conditions
 
     of_knots = loads_per_pressure(vehicle, structure.surface, knots)
     (_, even), (_, odd) = weights
@@ -239,9 +239,9 @@ def _under(structure: TrueStructure, pressure: FloatArray) -> ResponseTable:
     """Return the table under pressures (k, n_x, n_m)."""
     n_m = pressure.shape[-1]
 
-    def of_each(one: FloatArray) -> FloatArray:
-        found: FloatArray = np.einsum("...xmsc,kxm->...kmsc", one[..., :n_m, :, :], pressure, optimize=True)
-        return found
+    def of_each(responses: FloatArray) -> FloatArray:
+        under: FloatArray = np.einsum("...xmsc,kxm->...kmsc", responses[..., :n_m, :, :], pressure, optimize=True)
+        return under
 
     return changed_alike(structure.table, of_each)
 
@@ -287,50 +287,52 @@ def loads_per_pressure(vehicle: Vehicle, surface: SurfaceGrid, harmonic: FloatAr
     return np.column_stack([axial @ loads[0].sum(axis=1), first @ force, first @ moment])
 
 
-def strain_per_pressure(flights: TrueFlights, built: AsBuilt) -> tuple[FloatArray, FloatArray]:
+def strain_per_pressure(flights: TrueFlights, as_built: AsBuilt) -> tuple[FloatArray, FloatArray]:
     """Return strain of the gauges (k, n_d) by the flow per p_inf, and (n_d,) by a uniform outer pressure [1/Pa].
 
     For v vehicles (:func:`builder.truth.flights.drawn`) there must be one flight, and the strain is (v, n_d).
     """
-    gauges = flights.structure.parts(built, flights.table)
+    gauges = flights.structure.parts(as_built, flights.table)
     wind = np.array([condition.leeward_roll_angle for condition in flights.conditions])
     phase = gauges.roll_angle - wind[:, None]
     # Of many vehicles the one flight is left out. Multiples of the phase by rotation: a cosine per harmonic and
     # gauge would cost ten times as much.
-    even, odd = (one[:, 0] if one.ndim > 3 else one for one in (gauges.even, gauges.odd))
+    even, odd = (
+        amplitudes[:, 0] if amplitudes.ndim > 3 else amplitudes for amplitudes in (gauges.even, gauges.odd)
+    )
     turn = np.exp(1j * phase)
     around, of_flow = np.ones_like(turn), np.zeros(phase.shape)
     for m in range(even.shape[-2]):
         of_flow += even[..., m, :] * around.real + odd[..., m, :] * around.imag
         around = around * turn
-    return of_flow, flights.structure.parts(built, flights.uniform).even[..., 0, 0, :]
+    return of_flow, flights.structure.parts(as_built, flights.uniform).even[..., 0, 0, :]
 
 
 def reading_of(
-    built: AsBuilt, ambient: FloatArray, inside: FloatArray, of_flow: FloatArray, of_unit: FloatArray
+    as_built: AsBuilt, ambient: FloatArray, inside: FloatArray, of_flow: FloatArray, of_unit: FloatArray
 ) -> FloatArray:
     """Return (k, n_d) readings [m/m] of the strains of :func:`strain_per_pressure`, at p_inf ``ambient`` and the
     stated pressure ``inside`` (k, 1) [Pa]."""
-    inside = inside + built.internal_pressure * ambient
-    return np.asarray(gain_of(built) * (ambient * of_flow - inside * of_unit) + built.apparent_strain)
+    inside = inside + as_built.internal_pressure * ambient
+    return np.asarray(gain_of(as_built) * (ambient * of_flow - inside * of_unit) + as_built.apparent_strain)
 
 
 def without_faint_harmonics(flights: TrueFlights, faint: float = 2e-4) -> TrueFlights:
     """Return ``flights`` without the highest harmonics, whose strain is below ``faint`` of the largest."""
     size = np.abs(flights.table.nominal).max(axis=(0, 2, 3))
-    kept = int(np.flatnonzero(size > faint * size.max())[-1]) + 1
-    return replace(flights, table=changed_alike(flights.table, lambda one: one[..., :kept, :, :]))
+    count = int(np.flatnonzero(size > faint * size.max())[-1]) + 1
+    return replace(flights, table=changed_alike(flights.table, lambda table: table[..., :count, :, :]))
 
 
 def flight_model(
     vehicle: Vehicle,
     table: FlowTable,
     structure: TrueStructure | AsBuiltStructure,
-    built: AsBuilt,
+    as_built: AsBuilt,
     noise_std: float,
     sensors: BuiltSensors | None = None,
 ) -> FlightModel:
-    """Return the flight model of a vehicle as ``built``, for system simulations: tables over (M, a_T).
+    """Return the flight model of a vehicle ``as_built``, for system simulations: tables over (M, a_T).
 
     Parameters
     ----------
@@ -340,7 +342,7 @@ def flight_model(
     sensors : auxiliary ones.
     """
     mach, incidence, harmonic = table.mach_knots, table.incidence_knots, table.harmonic
-    gauges = structure.flight_gauges(built, vehicle.resolution.truth.harmonics)
+    gauges = structure.flight_gauges(as_built, vehicle.resolution.truth.harmonics)
     n = len(gauges.names)
     # Gauges with equal response share a channel; as built, every gauge has its own, as every sensor has.
     flat = np.round(gauges.response.reshape(n, -1) / np.abs(gauges.response).max(), 13)
@@ -416,8 +418,8 @@ def _spline_table(mach: FloatArray, incidence: FloatArray, values: FloatArray, p
     """
     mirrored = np.concatenate([parity * values[:, ::-1], values], axis=1)
     along_incidence = CubicSpline(np.concatenate([-incidence[::-1], incidence]), mirrored, axis=1)
-    left = np.concatenate([[0.0], incidence[:-1]])
-    by_incidence = np.stack([along_incidence(left, q) / factorial(q) for q in range(4)], axis=2)
+    edge = np.concatenate([[0.0], incidence[:-1]])
+    by_incidence = np.stack([along_incidence(edge, q) / factorial(q) for q in range(4)], axis=2)
     along_mach = CubicSpline(mach, by_incidence, axis=0)
     by_mach = np.stack([along_mach(mach[:-1], p) / factorial(p) for p in range(4)], axis=2)
     return by_mach
