@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -77,7 +78,8 @@ def net_pressure(
     """Return (k, n_p) p - p_internal [Pa] on the nodes of ``structure``, linear between the table's stations."""
     grid = structure.surface
     between = np.array([np.interp(grid.x, true.surface.x, row) for row in np.eye(len(true.surface.x))]).T
-    ratio = ratio_at(table, flights.conditions, grid.roll_angle, between)
+    there = replace(table, harmonic=between @ table.harmonic)
+    ratio = ratio_at(there, flights.conditions, grid.roll_angle)
     return np.asarray(flights.ambient_pressure[:, None] * ratio - flights.internal_pressure[:, None])
 
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from builder.study import StudyResult
 
 
-WIDTH = 160
+WIDTH = 180
 """Smallest width of the table [characters]: it is of no use broken into columns of two letters."""
 
 
