@@ -177,7 +177,7 @@ def _solve_case_2(problem: Problem) -> Solution:
     spectrum = whitened_spectrum(state_operator, noise.covariance)
     gamma = entry.gamma
     if isinstance(gamma, str):
-        gamma = select_gamma(cast(Rule, gamma), expected_data(spectrum.eigenvalues, len(spectrum.left)))
+        gamma = select_gamma(cast(Rule, gamma), expected_data(spectrum.eigenvalues, len(spectrum.left_vectors)))
     mean_strain = _mean_strain(problem, prior.mean)
     solved = gaussian_map(state_operator, mean_strain, noise.covariance, gamma, spectrum)
     facts = {

@@ -195,7 +195,7 @@ def on_observable_states(inverse_map: InverseMap) -> InverseMap:
     n_gauges, n_states = inverse_map.state_operator.shape
     if n_states <= n_gauges:
         return inverse_map
-    right = whitened_spectrum(inverse_map.state_operator, inverse_map.noise_covariance).right
+    right = whitened_spectrum(inverse_map.state_operator, inverse_map.noise_covariance).right_vectors
     observable = right[:, :n_gauges]
     of_hidden = lower_factor(inverse_map.load_per_state @ right[:, n_gauges:])
     return replace(

@@ -94,7 +94,7 @@ class Case2Map:
 
     def modes(self, count: int) -> FloatArray:
         """Return (n_p, ``count``) the first modes b_k = F v_k of the Hessian [Pa]."""
-        return np.asarray(self.prior.factor @ self.spectrum.right[:, :count])
+        return np.asarray(self.prior.factor @ self.spectrum.right_vectors[:, :count])
 
     def projection(self, pressure: FloatArray, count: int) -> FloatArray:
         """Return the pressure (n_p,) [Pa] nearest to ``pressure`` in mean + span of the first ``count`` modes.
@@ -165,7 +165,7 @@ def study_gamma(case: Case2Map, ensemble: FloatArray, flight: FloatArray, seed: 
     data = noisy(ensemble, DRAWS_PER_CONDITION)
     by_rule: dict[str, float] = {rule: _gamma(rule, data) for rule in RULES}
     by_rule["morozov, expected"] = _gamma(
-        "morozov", expected_data(case.spectrum.eigenvalues, len(case.spectrum.left))
+        "morozov", expected_data(case.spectrum.eigenvalues, len(case.spectrum.left_vectors))
     )
     by_rule["morozov, M5 a6 b6"] = _gamma("morozov", noisy(flight, DRAWS))
     return GammaStudy(by_rule=by_rule, eigenvalues=case.spectrum.eigenvalues)

@@ -103,7 +103,7 @@ def checked_mask(valid: ArrayLike, n_gauges: int, samples: int | None = None) ->
     return mask
 
 
-def given(values: FloatArray) -> FloatArray:
+def positive(values: FloatArray) -> FloatArray:
     """Return ``values`` of Mach number, altitude or a pressure, NaN where not given: where they are 0 or below."""
     return np.asarray(np.where(values > 0.0, values, np.nan))
 
@@ -252,29 +252,29 @@ class SampleRecords:
             inputs=np.empty((k, self._n_inputs)),
         )
 
-    def _inertial(self, given: Mapping[str, ArrayLike], samples: int) -> list[tuple[slice, Any]]:
-        """Return the places of the inertial inputs and the values ``given``, NaN of those that are not."""
-        for name in given:
+    def _inertial(self, motion: Mapping[str, ArrayLike], samples: int) -> list[tuple[slice, Any]]:
+        """Return the places of the inertial inputs and the values ``motion``, NaN of those that are not."""
+        for name in motion:
             if name not in INERTIAL_NAMES:
                 raise InputError(f"{name}: expected a quantity of a sample, such as {INERTIAL_NAMES[0]}")
             if not self._map.has_masses:
                 raise InputError(f"{name}: expected none, the map was built without [mass]")
-        return [(self._places[name], _column(name, given.get(name, nan), samples)) for name in INERTIAL_NAMES]
+        return [(self._places[name], _column(name, motion.get(name, nan), samples)) for name in INERTIAL_NAMES]
 
-    def _by_name(self, argument: str, given: Mapping[str, ArrayLike], samples: int) -> FloatArray:
-        """Return (samples, n_p) the values of flow parameters ``given`` by name, NaN of those that are not."""
+    def _by_name(self, argument: str, stated: Mapping[str, ArrayLike], samples: int) -> FloatArray:
+        """Return (samples, n_p) the values of flow parameters ``stated`` by name, NaN of those that are not."""
         names, known = self._parameters, ", ".join(self._parameters) or "none"
         values = np.full((samples, len(names)), nan)
-        if not isinstance(given, Mapping):
-            raise InputError(f"{argument}: expected values by name, of the map's {known}, got {given!r}")
-        for name, value in given.items():
+        if not isinstance(stated, Mapping):
+            raise InputError(f"{argument}: expected values by name, of the map's {known}, got {stated!r}")
+        for name, value in stated.items():
             if name not in names:
                 raise InputError(f"{argument}: expected the parameters of the map, {known}, got '{name}'")
             values[:, names.index(name)] = per_sample(name, value, samples)
         return values
 
-    def _parameter_stds(self, given: Mapping[str, ArrayLike], samples: int) -> FloatArray:
-        stds = self._by_name("parameters_std", given, samples)
+    def _parameter_stds(self, stated: Mapping[str, ArrayLike], samples: int) -> FloatArray:
+        stds = self._by_name("parameters_std", stated, samples)
         if np.any(stds < 0.0):
             raise InputError(f"parameters_std: expected numbers from 0 on, got {np.nanmin(stds):g}")
         return _exact(stds)
@@ -309,10 +309,10 @@ def split(
     dynamic_pressure: ArrayLike, inputs: SampleInputs
 ) -> tuple[tuple[Any, ...], tuple[Any, ...], ArrayLike | None]:
     """Return the air data in the order of a record, what else is known of the samples, and the sensors to use."""
-    given = {**_NOT_GIVEN, **inputs, DYNAMIC_PRESSURE: dynamic_pressure}
-    given[Q_SOURCE] = _source_number(given[Q_SOURCE])
+    stated = {**_NOT_GIVEN, **inputs, DYNAMIC_PRESSURE: dynamic_pressure}
+    stated[Q_SOURCE] = _source_number(stated[Q_SOURCE])
     inertial = {name: value for name, value in inputs.items() if name not in _NOT_GIVEN}
-    return _air_of(given), (*_more_of(given), inertial), given[VALID]
+    return _air_of(stated), (*_more_of(stated), inertial), stated[VALID]
 
 
 def checked_start(start: ArrayLike, samples: int) -> FloatArray:

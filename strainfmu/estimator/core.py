@@ -154,9 +154,9 @@ class Core:
 
     def copy(self) -> Core:
         """Return another handle on the same map with the same settings, for another thread."""
-        other = Core(self.resource)
-        other.set(0, self.get(0, sum(part.stop - part.start for part in self.settings.values())))
-        return other
+        duplicate = Core(self.resource)
+        duplicate.set(0, self.get(0, sum(part.stop - part.start for part in self.settings.values())))
+        return duplicate
 
     def set(self, first: int, values: FloatArray) -> None:
         """Set the settings from place ``first`` on to ``values``."""

@@ -537,8 +537,8 @@ class Estimate(NamedLoads):
         """Return name and value of each load, then of each coefficient."""
         show, no_units = _range if self.is_series else _value, [""] * len(COEFFICIENT_NAMES)
         loads = zip(LOAD_NAMES, self.loads.T, self.loads_std.T, LOAD_UNITS, strict=True)
-        others = zip(COEFFICIENT_NAMES, self.coefficients.T, self.coefficients_std.T, no_units, strict=True)
-        return [(name, show(*value)) for name, *value in (*loads, *others)]
+        coefficients = zip(COEFFICIENT_NAMES, self.coefficients.T, self.coefficients_std.T, no_units, strict=True)
+        return [(name, show(*value)) for name, *value in (*loads, *coefficients)]
 
 
 def _value(value: float, std: float, unit: str) -> str:

@@ -141,8 +141,8 @@ class Estimator:
         settings, zeros = self.settings, self.zeros
         if len(zeros.value) != self.inverse_map.n_strain_gauges:
             raise InputError(f"zeros: expected {self.inverse_map.n_strain_gauges} values, got {len(zeros.value)}")
-        given = [getattr(settings, name) for name in list(core.settings)[:5]]
-        core.set(0, np.concatenate([given, zeros.value, zeros.std, [zeros.common_std]]))
+        limits = [getattr(settings, name) for name in list(core.settings)[:5]]
+        core.set(0, np.concatenate([limits, zeros.value, zeros.std, [zeros.common_std]]))
         constant = core.settings[FILTER_TIME_CONSTANT]
         if constant.stop > constant.start:
             core.set(constant.start, np.array([filter_time_constant]))
@@ -163,13 +163,13 @@ class Estimator:
     # Other estimators of the same map, whose tracks go on from where the last sample left this one.
 
     def _other(self, **changed: Any) -> Estimator:
-        other = copy(self)
-        vars(other).pop("linear", None)
-        vars(other).update(changed)
-        other._begin(self.core.resource)
+        estimator = copy(self)
+        vars(estimator).pop("linear", None)
+        vars(estimator).update(changed)
+        estimator._begin(self.core.resource)
         if self._tracks is not None:
-            other._new_track(self._tracks.state)
-        return other
+            estimator._new_track(self._tracks.state)
+        return estimator
 
     def with_settings(self, settings: EstimatorSettings) -> Estimator:
         """Return an estimator of the same map with other settings."""
@@ -296,8 +296,8 @@ class Estimator:
         air, more, valid = split(dynamic_pressure, inputs)
         core = self._tracks or self._new_track()
         if not is_series(strain):
-            at = 0.0 if self.filter_time_constant == 0.0 else time_of(time)
-            return self._one(strain, valid, air, more, core=core, how=_TRACK, time=at)
+            now = 0.0 if self.filter_time_constant == 0.0 else time_of(time)
+            return self._one(strain, valid, air, more, core=core, how=_TRACK, time=now)
         known: Mapping[str, Any] = inputs
         if ALTITUDE not in known and TOTAL_TEMPERATURE in known:  # single samples may lose it
             refuse_without_altitude(known[TOTAL_TEMPERATURE], nan)

@@ -40,8 +40,8 @@ class GaugeZeros:
                 f"zeros: expected value and std of shape (n_d,), got {self.value.shape} and {self.std.shape}"
             )
         for name, values in ((ZERO, self.value), (ZERO_STD, self.std), (ZERO_COMMON_STD, self.common_std)):
-            for one in np.ravel(values).tolist():
-                fault = zero_fault(name, one)
+            for value in np.ravel(values).tolist():
+                fault = zero_fault(name, value)
                 if fault:
                     raise InputError(fault)
 

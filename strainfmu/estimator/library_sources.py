@@ -165,8 +165,8 @@ def _run(command: Sequence[str]) -> None:
 def _compiler(reason: str) -> tuple[str, ...]:
     """Return the command of the system's C compiler, else of zig's, which the extra ``test`` installs."""
     names = (os.environ.get("CC"), "cc", "gcc", "clang")
-    if found := next((path for name in names if name and (path := shutil.which(name))), None):
-        return (found,)
+    if compiler := next((path for name in names if name and (path := shutil.which(name))), None):
+        return (compiler,)
     if _has_zig():
         return (sys.executable, "-m", "ziglang", "cc")
     raise NoCoreError(

@@ -55,8 +55,8 @@ def arrow_triangle(diagonal: FloatArray, rows: FloatArray) -> tuple[FloatArray, 
     """
     n, (k, w) = len(diagonal), rows.shape
     if not diagonal.any():  # rows that are used up stay 0
-        whole, _ = householder(np.vstack([rows, np.zeros((max(n - k, 0), w))]), n)
-        return whole[:n], whole[n:]
+        reflected, _ = householder(np.vstack([rows, np.zeros((max(n - k, 0), w))]), n)
+        return reflected[:n], reflected[n:]
     triangle, both = np.zeros((n, w)), np.vstack([np.zeros((1, w)), rows])
     for j in range(n):
         both[0, j:] = 0.0
@@ -126,9 +126,9 @@ def basis(knots: FloatArray, x: FloatArray) -> Basis:
     """Return all basis functions at ``x`` (k,), see :func:`local_basis`."""
     local = local_basis(knots, x)
     rows, columns = np.arange(len(x))[:, None], local.cell[:, None] + np.arange(DEGREE + 1)
-    found = Basis(*(np.zeros((len(x), len(knots) + 2)) for _ in range(2)))
-    found.value[rows, columns], found.derivative[rows, columns] = local.value, local.derivative
-    return found
+    functions = Basis(*(np.zeros((len(x), len(knots) + 2)) for _ in range(2)))
+    functions.value[rows, columns], functions.derivative[rows, columns] = local.value, local.derivative
+    return functions
 
 
 @lru_cache(maxsize=64)
@@ -142,11 +142,11 @@ def _polynomials(knots: bytes) -> FloatArray:
     values[0][:, 0] = 1.0
     for degree in range(1, DEGREE + 1):
         lower, values = values, [np.zeros_like(values[0]) for _ in range(degree + 1)]
-        for j, one in enumerate(lower):
-            left, right = padded[span - degree + 1 + j], padded[span + 1 + j]
-            part = one / (right - left)[:, None]
+        for j, spline in enumerate(lower):
+            low, high = padded[span - degree + 1 + j], padded[span + 1 + j]
+            part = spline / (high - low)[:, None]
             higher = np.zeros_like(part)
             higher[:, 1:] = part[:, :-1]
-            values[j] += (right - first)[:, None] * part - higher
-            values[j + 1] += (first - left)[:, None] * part + higher
+            values[j] += (high - first)[:, None] * part - higher
+            values[j + 1] += (first - low)[:, None] * part + higher
     return np.stack(values, axis=1)

@@ -138,7 +138,7 @@ def _without_motion(
     rows = rows_of(inverse_map, readings[None], thrust, zeros, amplitude)[0]
     tables, of_map = inverse_map.manifold, inverse_map.gauge_covariance
     about_tables = of_map if tables is None else tables.gauge_covariance
-    noise, of_tables = (row_noise(inverse_map, each, zeros, remaining) for each in (of_map, about_tables))
+    noise, of_tables = (row_noise(inverse_map, gamma, zeros, remaining) for gamma in (of_map, about_tables))
     return with_gauge_covariance(inverse_map, noise, of_tables), rows
 
 
@@ -267,7 +267,7 @@ def table_pressure(manifold: ManifoldMap, field: FlightField | ShapeField, state
 
 def _of_shape(manifold: ManifoldMap, field: ShapeField, state: FloatArray) -> Response:
     tables = field.tables(manifold.tables)
-    value, jacobian = (field.modes @ each[0] for each in evaluate(tables, state[None]))
+    value, jacobian = (field.modes @ part[0] for part in evaluate(tables, state[None]))
     pressure = float(np.exp(state[LOG_PRESSURE]))
     jacobian[:, LOG_PRESSURE] += pressure
     return Response(value + pressure, jacobian)
@@ -323,7 +323,7 @@ def flight_pressure(
     with_std : false leaves the standard deviation NaN.
     """
     table, n_d = table_pressure(manifold, field, state), len(strain)
-    value, by_state_of_rows = (each[0] for each in evaluate(tables.tables, state[None]))
+    value, by_state_of_rows = (part[0] for part in evaluate(tables.tables, state[None]))
     covariance = strain_covariance(tables, manifold.gauge_covariance, state[None], considered=False)[0]
     factor = np.linalg.cholesky(np.where(used[:, None] & used, covariance, np.eye(n_d)))
     residual = np.where(used, strain - value[:n_d], 0.0)
@@ -337,11 +337,11 @@ def flight_pressure(
     gain = pressure * pressure * _turned(field, factor, used)
     by_state = table.jacobian - gain @ whitened[:, 1:]
     prior = pressure * pressure * _relative_variance(field, state)
-    left = np.maximum(prior - np.einsum("pn,pn->p", gain, gain), MIN_LEFT * prior)
+    remaining = np.maximum(prior - np.einsum("pn,pn->p", gain, gain), MIN_LEFT * prior)
     # Errors of ln p_inf are normal; p_inf has a longer tail.
     of_log = float(np.sqrt(state_covariance[LOG_PRESSURE, LOG_PRESSURE]))
     wider = (float(lognormal_std(np.array(of_log))) / of_log) ** 2
-    variance = wider * np.einsum("px,xy,py->p", by_state, state_covariance, by_state) + left
+    variance = wider * np.einsum("px,xy,py->p", by_state, state_covariance, by_state) + remaining
     return PressureField(pressure=table.value + gain @ whitened[:, 0], std=np.sqrt(variance), is_net=False)
 
 
@@ -387,5 +387,5 @@ def _at_wind(field: FlightField, state: FloatArray) -> FloatArray:
     n_roll = len(field.roll_angle)
     place = ((field.roll_angle - np.arctan2(state[W], state[U])) * n_roll / (2.0 * np.pi)) % n_roll
     below = np.floor(place).astype(np.int64) % n_roll
-    other = (below + 1) % n_roll
-    return np.maximum(field.table_error_std[:, below], field.table_error_std[:, other])
+    above = (below + 1) % n_roll
+    return np.maximum(field.table_error_std[:, below], field.table_error_std[:, above])

@@ -126,7 +126,9 @@ class LoadGroup:
     def described(self, text: str) -> tuple[str, ...]:
         """Return ``text`` with each place behind it."""
         family = self.family
-        return tuple(f"{text}, of {family.place.format(at)}" if family.is_listed else text for at in self.places)
+        return tuple(
+            f"{text}, of {family.place.format(place)}" if family.is_listed else text for place in self.places
+        )
 
 
 @dataclass(frozen=True)
@@ -236,10 +238,10 @@ def _columns() -> dict[str, str]:
 def groups_at(places: Sequence[tuple[str, ...]]) -> tuple[LoadGroup, ...]:
     """Return the groups of the places of each family."""
     groups, first = list[LoadGroup](), 0
-    for family, at in zip(FAMILIES, places, strict=True):
-        for load in family.loads if at else ():
-            groups.append(LoadGroup(family, load, at, first))
-            first += len(at)
+    for family, of_family in zip(FAMILIES, places, strict=True):
+        for load in family.loads if of_family else ():
+            groups.append(LoadGroup(family, load, of_family, first))
+            first += len(of_family)
     return tuple(groups)
 
 

@@ -43,7 +43,7 @@ class OperatingSettings:
     filter_time_constant: str = "[s] of the filter over time; 0: no filter"
 
 
-ZERO, ZERO_STD, ZERO_COMMON_STD, FILTER_TIME_CONSTANT = (one.name for one in fields(OperatingSettings))
+ZERO, ZERO_STD, ZERO_COMMON_STD, FILTER_TIME_CONSTANT = (item.name for item in fields(OperatingSettings))
 
 NOT_KNOWN = -9999.0
 """Start value of what may be 0 and has either sign, in its unit, where it is not known. NaN means the same.

@@ -205,23 +205,23 @@ def taken_text(tare: Tare, unit: str) -> str:
 def _faults(
     inverse_map: InverseMap, reasons: TareFault, outcome: Mapping[str, FloatArray], limits: TareLimits
 ) -> tuple[str, ...]:
-    of = {name: float(values[0]) for name, values in outcome.items() if len(values) == 1}
+    numbers = {name: float(values[0]) for name, values in outcome.items() if len(values) == 1}
 
     def gauge(kind: str) -> str:
-        return inverse_map.gauge_names[int(of[f"{kind}_gauge"]) - 1]
+        return inverse_map.gauge_names[int(numbers[f"{kind}_gauge"]) - 1]
 
-    noise = inverse_map.noise_std[int(of["moving_gauge"]) - 1]
+    noise = inverse_map.noise_std[int(numbers["moving_gauge"]) - 1]
     lines = {
-        TareFault.PRESSURE: f"loads are not known: dynamic pressure reaches {of[DYNAMIC_PRESSURE]:.4g} Pa, "
+        TareFault.PRESSURE: f"loads are not known: dynamic pressure reaches {numbers[DYNAMIC_PRESSURE]:.4g} Pa, "
         f"expected at most {limits.dynamic_pressure:g} Pa",
-        TareFault.DRIFTS: f"readings drift: gauge '{gauge('drifting')}' by {1e6 * of['drift']:.3g} um/m over the "
-        f"window, expected at most {1e6 * limits.drift:g} um/m",
-        TareFault.MOVES: f"readings move: gauge '{gauge('moving')}' by {1e6 * of['moving_scatter']:.3g} um/m rms, "
-        f"expected at most {LOUD:g} times its noise of {1e6 * noise:.3g} um/m",
-        TareFault.TOO_LARGE: f"no plausible zero: gauge '{gauge('largest')}' reads {1e6 * of['largest']:.4g} "
+        TareFault.DRIFTS: f"readings drift: gauge '{gauge('drifting')}' by {1e6 * numbers['drift']:.3g} um/m over "
+        f"the window, expected at most {1e6 * limits.drift:g} um/m",
+        TareFault.MOVES: f"readings move: gauge '{gauge('moving')}' by {1e6 * numbers['moving_scatter']:.3g} um/m "
+        f"rms, expected at most {LOUD:g} times its noise of {1e6 * noise:.3g} um/m",
+        TareFault.TOO_LARGE: f"no plausible zero: gauge '{gauge('largest')}' reads {1e6 * numbers['largest']:.4g} "
         f"um/m, expected at most {1e6 * limits.zero:g} um/m",
-        TareFault.LIKE_LOAD: f"readings look like load: {1e6 * of['along']:.3g} um/m of them lie along the "
-        f"strain of flights, expected at most {1e6 * of['along_limit']:.3g} um/m of random zeros",
+        TareFault.LIKE_LOAD: f"readings look like load: {1e6 * numbers['along']:.3g} um/m of them lie along the "
+        f"strain of flights, expected at most {1e6 * numbers['along_limit']:.3g} um/m of random zeros",
     }
     return tuple(line for fault, line in lines.items() if fault in reasons)
 

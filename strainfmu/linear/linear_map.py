@@ -163,7 +163,7 @@ class LinearMap:
     def eigenvectors(self) -> FloatArray:
         """(n_p, k) b_k [Pa] of these eigenvalues, of unit size under the prior (b^T Gamma_pr^+ b = 1)."""
         spectrum = self._case_2("eigenvectors").spectrum
-        return self._fields @ spectrum.right[:, : len(spectrum.singular_values)]
+        return self._fields @ spectrum.right_vectors[:, : len(spectrum.singular_values)]
 
     def recoverable(self, gamma: float | None = None) -> int:
         """Return how many modes have lambda >= ``gamma``, of which data outweigh the prior; None for the map's."""
@@ -374,8 +374,8 @@ def linear_map(
         fields, of_modes, per_state = pod.modes, np.asarray(operator @ pod.modes), G @ pod.modes
         joint = np.zeros((len(strain) + len(load), 0))
         if truncated_noise:
-            kept = np.vstack([of_modes, per_state]) @ coefficients
-            joint = lower_factor(np.vstack([strain, load]) - kept)
+            explained = np.vstack([of_modes, per_state]) @ coefficients
+            joint = lower_factor(np.vstack([strain, load]) - explained)
         of_errors, load_of_errors = joint[: len(strain)], joint[len(strain) :]
         covariance = noise + of_errors @ of_errors.T
         states = least_squares_map(of_modes, mean_strain, covariance, pod.coefficient_std)

@@ -114,15 +114,15 @@ def proper_orthogonal_decomposition(snapshots: FloatArray, weights: FloatArray |
     """
     mean = mean_snapshot(snapshots)
     root = 1.0 if weights is None else np.sqrt(weights)
-    left, singular_values, _ = np.linalg.svd(((snapshots - mean) * root).T, full_matrices=False)
-    kept = singular_values > ROUND_OFF * singular_values[0]
+    left_vectors, singular_values, _ = np.linalg.svd(((snapshots - mean) * root).T, full_matrices=False)
+    is_mode = singular_values > ROUND_OFF * singular_values[0]
     if singular_values[0] <= ROUND_OFF * float(np.linalg.norm(mean * root)):
         raise InputError("the snapshots are all equal: no modes")
-    modes = left[:, kept] if weights is None else left[:, kept] / np.sqrt(weights)[:, None]
+    modes = left_vectors[:, is_mode] if weights is None else left_vectors[:, is_mode] / np.sqrt(weights)[:, None]
     return PressureModes(
         mean=mean,
         modes=modes * signs(modes),
-        singular_values=singular_values[kept],
+        singular_values=singular_values[is_mode],
         n_snapshots=len(snapshots),
         weights=weights,
     )
@@ -148,11 +148,11 @@ def leading_modes(
     basis, _ = np.linalg.qr((vectors[:, ::-1][:, : min(r + 4, n_snapshots)].T @ scaled.T).T)
     product = np.vstack([*rows, (root * basis).T]) @ fields
     of_rows, of_basis = product[: -basis.shape[1]], product[-basis.shape[1] :]
-    left, std, right = np.linalg.svd(of_basis, full_matrices=False)
+    left_vectors, std, right = np.linalg.svd(of_basis, full_matrices=False)
     if not std[r - 1] > ROUND_OFF * std[0]:
         count = int(np.sum(std > ROUND_OFF * std[0]))
         raise InputError(f"modes: expected at most {count}, the modes that the snapshots have, got {r}")
-    scale, modes = np.sqrt(n_snapshots - 1), (basis @ left[:, :r]) / root
+    scale, modes = np.sqrt(n_snapshots - 1), (basis @ left_vectors[:, :r]) / root
     sign = signs(modes)
     pod = PressureModes(
         mean=prior.mean,

@@ -185,9 +185,9 @@ def _minimum(rule: str, cost: Callable[[float], float]) -> float:
     low, high = np.log(grid[best - 1]), np.log(grid[best + 1])
     ratio = 0.5 * (np.sqrt(5.0) - 1.0)
     while high - low > 1e-10:
-        left, right = high - ratio * (high - low), low + ratio * (high - low)
-        if cost(float(np.exp(left))) < cost(float(np.exp(right))):
-            high = right
+        lower, upper = high - ratio * (high - low), low + ratio * (high - low)
+        if cost(float(np.exp(lower))) < cost(float(np.exp(upper))):
+            high = upper
         else:
-            low = left
+            low = lower
     return float(np.exp(0.5 * (low + high)))

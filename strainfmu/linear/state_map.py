@@ -186,15 +186,15 @@ class WhitenedSpectrum:
     Attributes
     ----------
     whitening : (n_d, n_d) L^-1 [1/(m/m)].
-    left : (n_d, n_d) U.
+    left_vectors : (n_d, n_d) U.
     singular_values : (k,) S, k = min(n_d, n_q), falling.
-    right : (n_q, n_q) V; no gauge observes its columns beyond k.
+    right_vectors : (n_q, n_q) V; no gauge observes its columns beyond k.
     """
 
     whitening: FloatArray
-    left: FloatArray
+    left_vectors: FloatArray
     singular_values: FloatArray
-    right: FloatArray
+    right_vectors: FloatArray
 
     @property
     def eigenvalues(self) -> FloatArray:
@@ -204,19 +204,21 @@ class WhitenedSpectrum:
     @property
     def state_eigenvalues(self) -> FloatArray:
         """(n_q,) lambda of every column of V, 0 beyond k."""
-        return np.concatenate([self.eigenvalues, np.zeros(len(self.right) - len(self.singular_values))])
+        return np.concatenate([self.eigenvalues, np.zeros(len(self.right_vectors) - len(self.singular_values))])
 
     def whitened_data(self, strain: FloatArray, mean_strain: FloatArray) -> FloatArray:
         """Return z = U^T L^-1 (d - m), (.., n_d) [1], of strains (.., n_d) [m/m]."""
-        return (strain - mean_strain) @ self.whitening.T @ self.left
+        return (strain - mean_strain) @ self.whitening.T @ self.left_vectors
 
 
 def whitened_spectrum(state_operator: FloatArray, noise_covariance: FloatArray) -> WhitenedSpectrum:
     """Decompose the whitened strain per state A = Z_p F (n_d, n_q)."""
     check_covariance(noise_covariance)
     whitening = inverse_root(noise_covariance)
-    left, singular_values, right = np.linalg.svd(whitening @ state_operator)
-    return WhitenedSpectrum(whitening=whitening, left=left, singular_values=singular_values, right=right.T)
+    left_vectors, singular_values, right = np.linalg.svd(whitening @ state_operator)
+    return WhitenedSpectrum(
+        whitening=whitening, left_vectors=left_vectors, singular_values=singular_values, right_vectors=right.T
+    )
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -248,7 +250,7 @@ class GaussianMap(StateMap):
         It is the covariance of the error only where gamma = 1.
         """
         weight = 1.0 / np.sqrt(self.spectrum.state_eigenvalues + self.regularisation)
-        return self.spectrum.right * weight
+        return self.spectrum.right_vectors * weight
 
     def error_factor(self) -> FloatArray:
         """Return R (n_q, n_q) with R R^T = T Gamma T^T + (I - T A)(I - T A)^T.
@@ -257,7 +259,7 @@ class GaussianMap(StateMap):
         gamma = 1 it is the inverse Hessian.
         """
         eigenvalues, gamma = self.spectrum.state_eigenvalues, self.regularisation
-        return self.spectrum.right * (np.sqrt(eigenvalues + gamma**2) / (eigenvalues + gamma))
+        return self.spectrum.right_vectors * (np.sqrt(eigenvalues + gamma**2) / (eigenvalues + gamma))
 
 
 def gaussian_map(
@@ -277,8 +279,8 @@ def gaussian_map(
     if spectrum is None:
         spectrum = whitened_spectrum(state_operator, noise_covariance)
     singular = spectrum.singular_values
-    observed = spectrum.right[:, : len(singular)] * (singular / (singular**2 + regularisation))
-    gain = observed @ (spectrum.left[:, : len(singular)].T @ spectrum.whitening)
+    observed = spectrum.right_vectors[:, : len(singular)] * (singular / (singular**2 + regularisation))
+    gain = observed @ (spectrum.left_vectors[:, : len(singular)].T @ spectrum.whitening)
     return GaussianMap(
         state_operator=state_operator,
         mean_strain=mean_strain,
@@ -286,6 +288,6 @@ def gaussian_map(
         regularisation=regularisation,
         strain_gain=gain,
         state_offset=-gain @ mean_strain,
-        unresolved=spectrum.right * (regularisation / (spectrum.state_eigenvalues + regularisation)),
+        unresolved=spectrum.right_vectors * (regularisation / (spectrum.state_eigenvalues + regularisation)),
         spectrum=spectrum,
     )

@@ -27,7 +27,7 @@ from strainfmu.estimator.air_inputs import (
     STATIC_PRESSURE,
     STD,
 )
-from strainfmu.estimator.arguments import given
+from strainfmu.estimator.arguments import positive
 from strainfmu.estimator.signal_names import STRAIN, THRUST
 from strainfmu.interface.parameter_variables import PREFIX
 from strainfmu.interface.sensor_variables import PREFIX as SENSOR_PREFIX
@@ -505,9 +505,9 @@ def computed_pressure(flow: Mapping[str, FloatArray]) -> FloatArray:
     p is the static pressure that was measured, or the US Standard Atmosphere's of 1976 at the altitude.
     """
     _, pressure = pressure_sources(flow)
-    mach, stated = flow[MACH_NUMBER], given(flow[pressure])
+    mach, stated = flow[MACH_NUMBER], positive(flow[pressure])
     static = stated if pressure == STATIC_PRESSURE else static_pressure_at(stated)
-    return np.asarray(np.where(mach == 0.0, 0.0, 0.5 * HEAT_CAPACITY_RATIO * static * given(mach) ** 2))
+    return np.asarray(np.where(mach == 0.0, 0.0, 0.5 * HEAT_CAPACITY_RATIO * static * positive(mach) ** 2))
 
 
 def flown_pressure(flow: Mapping[str, FloatArray]) -> FloatArray:

@@ -87,7 +87,7 @@ def gamma_choice(
     if not isinstance(solved, GaussianMap):
         return None
     data, loads = (
-        expected_data(solved.spectrum.eigenvalues, len(solved.spectrum.left)),
+        expected_data(solved.spectrum.eigenvalues, len(solved.spectrum.left_vectors)),
         problem.load_operator @ solution.field_modes,
     )
     scales = coefficient_scales(inverse_map)
@@ -129,7 +129,7 @@ def gamma_choice(
                 )
             )
     # Mode j of the Hessian is column j of V among the states: the pressure F V_j.
-    pressure = solution.field_modes @ solved.spectrum.right[:, : len(solved.spectrum.singular_values)]
+    pressure = solution.field_modes @ solved.spectrum.right_vectors[:, : len(solved.spectrum.singular_values)]
     middle = np.log10(solved.regularisation)
     low, high = min(CURVE_DECADES[0], middle - 2.0), max(CURVE_DECADES[1], middle + 2.0)
     return GammaChoice(

@@ -195,7 +195,7 @@ class InverseMap:
     altitude_range: FloatArray = entry("2", "m", "validity", neutral=0, rule=BOUNDS)
     sensors: SensorRows = entry(unit="",
         meaning="what the rows measure; other fields hold all rows as strain, readings over ``sensors.scale``",
-        neutral=lambda whole: strain_rows(len(whole.gauge_names)), default=strain_rows(0), record=SensorRows)
+        neutral=lambda m: strain_rows(len(m.gauge_names)), default=strain_rows(0), record=SensorRows)
     section_station: FloatArray = entry("n_s", "m", "x of the sections, rising; may be empty", default=np.zeros(0))
     hinge_lines: HingeLines | None = entry(unit="",
         meaning="lines of the hinge moments; None where none are wanted", default=None, record=HingeLines)
@@ -204,7 +204,7 @@ class InverseMap:
         default=None, record=HingeLines)
     thermal: ThermalMap = entry(unit="",
         meaning="modes of the wall's temperature and sensors of it; no modes where the map knows of none",
-        neutral=lambda whole: no_temperature(whole.gauge_covariance), default=no_temperature(np.zeros((0, 0))),
+        neutral=lambda m: no_temperature(m.gauge_covariance), default=no_temperature(np.zeros((0, 0))),
         record=ThermalMap)
     inertia: InertiaMap | None = entry(unit="", meaning="modes of the vehicle's inertia, and what measures them",
         default=None, record=InertiaMap)

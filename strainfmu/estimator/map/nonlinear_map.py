@@ -42,13 +42,13 @@ class Powers:
     offset: FloatArray = entry("J", "1", "mean of each power over the snapshots", place="parameter_tables.offset")
     # fmt: on
 
-    def change(self, values: FloatArray, left: FloatArray | float = 0.0) -> FloatArray:
+    def change(self, values: FloatArray, remaining: FloatArray | float = 0.0) -> FloatArray:
         """Return (k, J) each power of ``values`` (k, n_p), less its mean [1].
 
-        ``left`` (n_p,) are variances of z about the values; powers up to 3 are those expected.
+        ``remaining`` (n_p,) are variances of z about the values; powers up to 3 are those expected.
         """
         z, power = self._scaled(values), self.power
-        variance = np.broadcast_to(left, self.mean.shape)[self.parameter]
+        variance = np.broadcast_to(remaining, self.mean.shape)[self.parameter]
         pairs = 0.5 * power * (power - 1) * variance
         return np.asarray(z**power + pairs * z ** np.maximum(power - 2, 0) - self.offset)
 

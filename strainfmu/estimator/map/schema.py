@@ -216,9 +216,9 @@ def _check_shapes(record: Any, where: str, sizes: Sizes) -> None:
 
 def _check_values(where: str, stated: Entry, value: Any) -> None:
     if stated.allowed:
-        other = [item for item in (value if isinstance(value, tuple) else (value,)) if item not in stated.allowed]
-        if other:
-            raise InputError(f"{where} is {other[0]!r}, must be one of {', '.join(map(str, stated.allowed))}")
+        wrong = [item for item in (value if isinstance(value, tuple) else (value,)) if item not in stated.allowed]
+        if wrong:
+            raise InputError(f"{where} is {wrong[0]!r}, must be one of {', '.join(map(str, stated.allowed))}")
     if isinstance(value, str | tuple):
         return
     has_no_bounds = stated.rule == BOUNDS and np.asarray(value).tolist() == [-np.inf, np.inf]
@@ -290,7 +290,7 @@ def stored_value(value: Any, shape: str, stored: str, n_strains: int) -> Any:
     if len(axes) != len(after) or not axes:
         return value
     base = {"5": "n_f", "n_strains": "n_d", "n_others": "n_d"}
-    before, wanted = ([base.get(axis, axis) for axis in each] for each in (axes, after))
+    before, wanted = ([base.get(axis, axis) for axis in names] for names in (axes, after))
     if wanted != before and wanted == before[::-1]:
         value, axes = np.transpose(value), axes[::-1]
     parts = {"5": slice(5), "n_strains": slice(n_strains), "n_others": slice(n_strains, None)}

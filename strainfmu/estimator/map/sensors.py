@@ -116,8 +116,8 @@ def shown_units(rows: SensorRows) -> list[tuple[float, str]]:
 
     Strain is shown in um/m, another sensor's reading in its own unit.
     """
-    each = zip(rows.kind, rows.scale.tolist(), rows.unit, strict=True)
-    return [(1e6, "um/m") if kind == STRAIN else (scale, unit) for kind, scale, unit in each]
+    shown = zip(rows.kind, rows.scale.tolist(), rows.unit, strict=True)
+    return [(1e6, "um/m") if kind == STRAIN else (scale, unit) for kind, scale, unit in shown]
 
 
 def refuse_sensors(rows: SensorRows, what: str) -> None:
@@ -253,7 +253,8 @@ class InertiaMap:
 def channels_of(values: Mapping[str, FloatArray]) -> FloatArray:
     """Return the channels (m, k) of m samples of the inertial inputs by name, NaN where not known."""
     known = [
-        np.where(values[name] == NOT_KNOWN, np.nan, values[name]) for name in (one.name for one in MEASURED_MOTION)
+        np.where(values[name] == NOT_KNOWN, np.nan, values[name])
+        for name in (item.name for item in MEASURED_MOTION)
     ]
     force, (x, y, z), turn = known[:3], known[3:6], known[6:]
     products = (-(y * y + z * z), -(x * x + z * z), -(x * x + y * y), x * y, x * z, y * z)

@@ -71,7 +71,7 @@ class FlowParameters:
 
     def outside(self, score: FloatArray) -> tuple[str, ...]:
         """Return the names of those that leave their range, by their ``score`` (n_p,)."""
-        return tuple(name for name, each in zip(self.names, score, strict=True) if each > PARAMETER_TOLERANCE)
+        return tuple(name for name, excess in zip(self.names, score, strict=True) if excess > PARAMETER_TOLERANCE)
 
 
 def flow_parameters(inverse_map: Any) -> FlowParameters:

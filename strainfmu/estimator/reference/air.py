@@ -34,7 +34,7 @@ from strainfmu.estimator.air_inputs import (
     TOTAL_TEMPERATURE_ERROR,
     QSource,
 )
-from strainfmu.estimator.arguments import given as positive
+from strainfmu.estimator.arguments import positive
 from strainfmu.estimator.health import outlier_threshold
 from strainfmu.estimator.map.flight_tables import LOG_PRESSURE, MACH, MIN_INCIDENCE, N_STATES, U, W
 from strainfmu.estimator.map.inverse_map import InverseMap
@@ -126,13 +126,13 @@ def computed_pressure_error(
     return np.hypot(2.0 * mach_std / mach, pressure_std)
 
 
-def computed_pressure_std(air: Mapping[str, FloatArray], own: FloatArray) -> FloatArray:
-    """Return (k,) the sigma [Pa] of computed dynamic pressures, ``own`` from the sigma of their sources.
+def computed_pressure_std(air: Mapping[str, FloatArray], by_sources: FloatArray) -> FloatArray:
+    """Return (k,) the sigma [Pa] of computed dynamic pressures, ``by_sources`` from the sigma of their sources.
 
     A stated one counts where the source is stated, too; otherwise the larger.
     """
     stated, is_decided = air[f"{DYNAMIC_PRESSURE}{STD}"], np.nan_to_num(air[Q_SOURCE]) > 0.5
-    return np.where(np.isnan(stated) | (~is_decided & (stated < own)), own, stated)
+    return np.where(np.isnan(stated) | (~is_decided & (stated < by_sources)), by_sources, stated)
 
 
 def linear_pressure_std(air: Mapping[str, FloatArray], dynamic_pressure_error: float) -> FloatArray:
@@ -148,8 +148,8 @@ def linear_pressure_std(air: Mapping[str, FloatArray], dynamic_pressure_error: f
     with np.errstate(invalid="ignore"):  # q and M may be infinite
         source = pressure_source(air)
         of_pressure = np.where(source == QSource.MACH_AND_ALTITUDE, DEVIATION_OF_AIR, pressure_std)
-        own = q * computed_pressure_error(mach, mach_std, of_pressure)
-    return np.where(source == QSource.INDEPENDENT, std, computed_pressure_std(air, own))
+        by_sources = q * computed_pressure_error(mach, mach_std, of_pressure)
+    return np.where(source == QSource.INDEPENDENT, std, computed_pressure_std(air, by_sources))
 
 
 def measured_directions(air: Mapping[str, FloatArray]) -> tuple[FloatArray, FloatArray]:
@@ -190,8 +190,8 @@ def angles_contradict(
     size = np.linalg.norm(need, axis=1)
     part = np.divide(need, size[:, None], out=np.zeros_like(need), where=size[:, None] > 0.0)
     apart = size - (part * value).sum(axis=1)
-    own = np.where(known, std, 0.0) ** 2 + (slope * np.nan_to_num(force_std)) ** 2
-    variance = (part**2 * np.where(known, own, 0.0)).sum(axis=1)
+    of_angle = np.where(known, std, 0.0) ** 2 + (slope * np.nan_to_num(force_std)) ** 2
+    variance = (part**2 * np.where(known, of_angle, 0.0)).sum(axis=1)
     return (size > 0.0) & (apart > 0.0) & (apart**2 > limit * variance)
 
 
@@ -222,16 +222,16 @@ def air_inputs_of(inverse_map: InverseMap, sample: Mapping[str, float]) -> AirIn
     direction, direction_std = measured_directions(as_records)
     inputs = replace(inputs, direction=direction[0], direction_std=direction_std[0])
     total, total_std = (sample[TOTAL_TEMPERATURE + end] for end in ("", STD))
-    other, other_std = mach_by_temperature(total, total_std, sample[ALTITUDE])
+    by_temperature, other_std = mach_by_temperature(total, total_std, sample[ALTITUDE])
     mach, mach_std = inputs.value[0], inputs.std[0]
-    if np.isnan(other):
+    if np.isnan(by_temperature):
         return inputs
     if np.isnan(mach):
-        joined = other, other_std
+        joined = by_temperature, other_std
     else:
         weight = np.array([mach_std**-2, other_std**-2])
-        apart = abs(other - mach) / np.hypot(mach_std, other_std)
-        joined = weight @ [mach, other] / weight.sum(), max(1.0, apart) / np.sqrt(weight.sum())
+        apart = abs(by_temperature - mach) / np.hypot(mach_std, other_std)
+        joined = weight @ [mach, by_temperature] / weight.sum(), max(1.0, apart) / np.sqrt(weight.sum())
     return replace(inputs, value=np.append(joined[0], inputs.value[1:]), std=np.append(joined[1], inputs.std[1:]))
 
 
@@ -262,8 +262,8 @@ def _without_computed(inverse_map: InverseMap, air: AirInputs, sample: Mapping[s
     if np.isfinite(value[1]) and not stated > 0.0:
         std[1] = value[1] * max(std[1] / value[1], of_day if by_altitude else of_port)
     mach = value[0] if np.isfinite(value[0]) else manifold.mach_range.mean()
-    own = value[2] * computed_pressure_error(np.array(mach), np.array(mach_std), error)
-    of_loads = float(value[2]), float(computed_pressure_std(records, own)[0])
+    by_sources = value[2] * computed_pressure_error(np.array(mach), np.array(mach_std), error)
+    of_loads = float(value[2]), float(computed_pressure_std(records, by_sources)[0])
     if np.isnan(value[:2]).all():
         return replace(air, std=np.append(std[:2], of_loads[1]), is_computed=True, of_loads=of_loads)
     if np.isnan(value[1]):

@@ -38,8 +38,8 @@ def nominal(model: Model) -> Nominal:
     rest = np.eye(n) - basis @ basis.T
     of_free = np.linalg.solve(triangle.T, (model.output_free / scale).T).T
     of_rows = model.output_columns @ q[:n_u] + model.cross.T @ inverse.T @ turned
-    seen = rest @ whitening
-    return Nominal(gain=(of_free @ basis.T + of_rows @ rest) @ whitening, precision=seen.T @ seen)
+    resolved = rest @ whitening
+    return Nominal(gain=(of_free @ basis.T + of_rows @ rest) @ whitening, precision=resolved.T @ resolved)
 
 
 def load_gain(inverse_map: InverseMap) -> FloatArray:

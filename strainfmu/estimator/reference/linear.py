@@ -100,17 +100,18 @@ def excess_covariance(inverse_map: InverseMap, coefficients: FloatArray) -> Floa
     first, second = np.triu_indices(6)
     at_mean = np.zeros((6, 6))
     at_mean[first, second] = at_mean[second, first] = mean
-    own = (products - at_mean)[:, first, second] @ of_gauge  # of_gauge counts pairs a < b twice
+    of_each_gauge = (products - at_mean)[:, first, second] @ of_gauge  # of_gauge counts pairs a < b twice
     shared = np.einsum("kab,tai,tbj->kij", products - at_mean, common, common, optimize=True)
-    return np.asarray(shared + own[:, :, None] * np.eye(inverse_map.n_gauges))
+    return np.asarray(shared + of_each_gauge[:, :, None] * np.eye(inverse_map.n_gauges))
 
 
 def _model(inverse_map: InverseMap) -> Model:
     errors, load_of_errors = inverse_map.error_strain, inverse_map.error_load
     states, load_of_states = inverse_map.state_operator, inverse_map.load_per_state
     if inverse_map.own_error_strain.any():
-        own = np.diag(inverse_map.own_error_strain)
-        errors, load_of_errors = np.hstack([own, errors]), np.pad(load_of_errors, ((0, 0), (len(own), 0)))
+        by_gauge = np.diag(inverse_map.own_error_strain)
+        errors = np.hstack([by_gauge, errors])
+        load_of_errors = np.pad(load_of_errors, ((0, 0), (len(by_gauge), 0)))
     fixed_load, fixed = inverse_map.fixed_load, inverse_map.fixed_strain
     parts = {"fixed": fixed, "mean": inverse_map.mean_strain - fixed, "noise": inverse_map.gauge_covariance}
     parts |= {"output_fixed": fixed_load, "output_mean": inverse_map.load_of_mean - fixed_load}

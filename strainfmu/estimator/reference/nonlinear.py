@@ -155,10 +155,10 @@ class NonlinearReference:
         """Return (4,) mean and standard deviation of the state by the ranges of the map and measured angles."""
         mean, std = self.prior_mean.copy(), self.prior_std.copy()
         known = np.isfinite(air.direction_std)
-        at = np.flatnonzero(known) + 1  # u and w stand behind M
-        precision = std[at] ** -2, air.direction_std[known] ** -2
-        mean[at] = (precision[0] * mean[at] + precision[1] * air.direction[known]) / (precision[0] + precision[1])
-        std[at] = (precision[0] + precision[1]) ** -0.5
+        uw = np.flatnonzero(known) + 1  # u and w stand behind M
+        precision = std[uw] ** -2, air.direction_std[known] ** -2
+        mean[uw] = (precision[0] * mean[uw] + precision[1] * air.direction[known]) / (precision[0] + precision[1])
+        std[uw] = (precision[0] + precision[1]) ** -0.5
         return mean, std
 
     def load_errors(self, state: FloatArray, considered: bool) -> tuple[FloatArray, FloatArray]:
@@ -275,8 +275,8 @@ class NonlinearReference:
         low, high = self.manifold.mach_range
         mach = np.linspace(low, high, MACHS)[:, None]
         of_u, of_w = middle[0] + part * half[0] * np.cos(roll), middle[1] + part * half[1] * np.sin(roll)
-        each = np.broadcast_arrays(mach, of_u, of_w, 0.0)
-        states = np.stack(each, axis=-1).reshape(INCIDENCES, -1, N_STATES)
+        grid = np.broadcast_arrays(mach, of_u, of_w, 0.0)
+        states = np.stack(grid, axis=-1).reshape(INCIDENCES, -1, N_STATES)
         strain = evaluate(self.rows, states.reshape(-1, N_STATES)).value[:, : self.n_d]
         unit = strain - self.rows.fixed_response[: self.n_d]
         return states, unit.reshape(INCIDENCES, -1, self.n_d)
@@ -287,8 +287,8 @@ class NonlinearReference:
         S is that in the middle of the grid, its diagonal where a gauge is not in use.
         """
         states, unit = self.grid
-        at = np.append(states[INCIDENCES // 2, 0, :LOG_PRESSURE], self.prior_mean[LOG_PRESSURE])
-        covariance = self.strain_covariance(at)
+        middle = np.append(states[INCIDENCES // 2, 0, :LOG_PRESSURE], self.prior_mean[LOG_PRESSURE])
+        covariance = self.strain_covariance(middle)
         if not sample.used.all():
             covariance = np.diag(np.diag(covariance))
         weight = inverse_root(covariance) * sample.used

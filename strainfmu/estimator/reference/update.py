@@ -104,8 +104,8 @@ def prepare(model: Model, used: BoolArray) -> Prepared:
     q, t = np.linalg.qr(free / scale, mode="complete")
     of_free = np.linalg.solve(t[:n_x].T, (model.output_free / scale).T).T
     turned_columns = q[:, n_x:].T @ columns
-    left, singular, right = np.linalg.svd(turned_columns, full_matrices=len(turned_columns) > columns.shape[1])
-    turned = np.hstack([q[:, :n_x], q[:, n_x:] @ left]).T
+    rotation, singular, right = np.linalg.svd(turned_columns, full_matrices=len(turned_columns) > columns.shape[1])
+    turned = np.hstack([q[:, :n_x], q[:, n_x:] @ rotation]).T
 
     amplitudes = model.output_columns - of_free @ (turned[:n_x] @ columns)
     n_seen = len(singular)
@@ -136,9 +136,9 @@ def condition(prepared: Prepared, rows: FloatArray, scale: FloatArray) -> Poster
 
     per_direction = (s * s * prepared.singular * u)[:, None] * prepared.of_columns + u[:, None] * prepared.of_noise
     per_direction[:, :, :n_x] = prepared.of_free
-    left = s[:, :, None] * np.sqrt(u)[:, None] * (prepared.of_columns - prepared.singular * prepared.of_noise)
-    left[:, :, :n_x] = prepared.of_free - prepared.of_noise[:, :n_x]
-    covariance = _square(left) + (s * s)[:, :, None] * prepared.unseen + prepared.remainder
+    factor = s[:, :, None] * np.sqrt(u)[:, None] * (prepared.of_columns - prepared.singular * prepared.of_noise)
+    factor[:, :, :n_x] = prepared.of_free - prepared.of_noise[:, :n_x]
+    covariance = _square(factor) + (s * s)[:, :, None] * prepared.unseen + prepared.remainder
 
     precision = prepared.whitening.T @ (u[:, :, None] * prepared.whitening)
     variance, slope = np.diagonal(precision, axis1=1, axis2=2), (w * u) @ prepared.whitening

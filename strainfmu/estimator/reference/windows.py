@@ -27,21 +27,21 @@ PART = 0.5
 
 
 class Fit(NamedTuple):
-    """A fit to a window of ``samples``: ``value`` (m,) at its end, ``left`` of the variance of ``noise`` [1]."""
+    """A fit to a window of ``samples``: ``value`` (m,) at its end, ``noise_part`` [1] of its ``noise``."""
 
     samples: int
     value: FloatArray
-    left: float
+    noise_part: float
     noise: FloatArray
 
 
 class Averaged(NamedTuple):
-    """A sample with those before it: ``value`` (m,), variances of the ``noise`` (m,) in it, and the part ``left``
-    of them [1]."""
+    """A sample with those before it: ``value`` (m,), variances of the ``noise`` (m,) in it, and ``noise_part``,
+    the part of them [1]."""
 
     value: FloatArray
     noise: FloatArray
-    left: float
+    noise_part: float
 
 
 def span_counts(samples: int) -> list[int]:
@@ -62,15 +62,15 @@ def windows(time: FloatArray, longest: float) -> list[IntArray]:
 
     The mean time of a span is at most ``longest`` [s] ago.
     """
-    held = np.array([len(time) - 1])
-    found, end = [held], len(time) - 1
+    samples = np.array([len(time) - 1])
+    by_length, end = [samples], len(time) - 1
     for count in span_counts(end)[::-1]:
         span = np.arange(end - count, end)
         if time[-1] - np.mean(time[span]) > longest:
             break
-        held, end = np.append(span, held), end - count
-        found.append(held)
-    return found
+        samples, end = np.append(span, samples), end - count
+        by_length.append(samples)
+    return by_length
 
 
 def averaged(time: FloatArray, value: FloatArray, noise: FloatArray, longest: float) -> Averaged:
@@ -78,16 +78,19 @@ def averaged(time: FloatArray, value: FloatArray, noise: FloatArray, longest: fl
 
     ``time`` (k,) [s], ``value`` (k, m), variances of their ``noise`` (k, m), ``longest`` window [s].
     """
-    held = windows(time, longest)
+    samples = windows(time, longest)
     chosen = [
-        _chosen([_fit(time[one] - time[-1], value[one], noise[one], degree) for one in held]) for degree in (0, 1)
+        _chosen([_fit(time[rows] - time[-1], value[rows], noise[rows], degree) for rows in samples])
+        for degree in (0, 1)
     ]
-    best = min(chosen, key=lambda fit: fit.left)
-    takes = best.left * best.noise < noise[-1]
+    best = min(chosen, key=lambda fit: fit.noise_part)
+    takes = best.noise_part * best.noise < noise[-1]
     if best.samples == 1:
         return Averaged(value[-1], noise[-1], 1.0)
     return Averaged(
-        np.where(takes, best.value, value[-1]), np.where(takes, best.left * best.noise, noise[-1]), best.left
+        np.where(takes, best.value, value[-1]),
+        np.where(takes, best.noise_part * best.noise, noise[-1]),
+        best.noise_part,
     )
 
 
@@ -106,7 +109,7 @@ def _chosen(fits: list[Fit]) -> Fit:
     """Return the longest of ``fits`` of at most half of the samples of the longest that agrees."""
     low, high, agreed = np.array(-np.inf), np.array(np.inf), 1
     for fit in fits:
-        half = WIDTH * np.sqrt(fit.left * fit.noise)
+        half = WIDTH * np.sqrt(fit.noise_part * fit.noise)
         low, high = np.maximum(low, fit.value - half), np.minimum(high, fit.value + half)
         if np.any(low > high):
             break

@@ -56,7 +56,7 @@ def channel_tables(response: FloatArray, roll_angle: FloatArray) -> ChannelTable
         for first, second, value in _parts(of_cosine, of_sine, phase):
             if np.max(np.abs(value)) > ROUND_OFF * largest or (first is phase[0] and largest == 0.0):
                 terms.append((row, _channel_of(channels, value), first, second))
-    row_of, channel_of, cosine, sine = (np.array(each) for each in zip(*terms, strict=True))
+    row_of, channel_of, cosine, sine = (np.array(values) for values in zip(*terms, strict=True))
     return ChannelTables(np.stack(channels, axis=2), row_of.astype(float), channel_of.astype(float), cosine, sine)
 
 

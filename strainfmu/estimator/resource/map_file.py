@@ -254,7 +254,7 @@ def _covariances(
     They are of strain, at ``place``, of the five loads and of the others, under names that begin with ``before``.
     """
 
-    def of(first: str, second: str) -> Callable[[Any], FloatArray]:
+    def pair(first: str, second: str) -> Callable[[Any], FloatArray]:
         def value(source: Any) -> FloatArray:
             strain, load = columns(source)
             parts = {"gauges": strain, "five": load[FIVE_LOADS], "others": load[OTHER_LOADS]}
@@ -264,11 +264,11 @@ def _covariances(
 
     # fmt: off
     return (
-        Stored(place, f"of {errors}", of("gauges", "gauges"), "n_gauges n_gauges", unit="1/Pa^2"),
-        Stored(f"flight.{before}load_strain_covariance", "the same of loads with strain", of("five", "gauges"),
+        Stored(place, f"of {errors}", pair("gauges", "gauges"), "n_gauges n_gauges", unit="1/Pa^2"),
+        Stored(f"flight.{before}load_strain_covariance", "the same of loads with strain", pair("five", "gauges"),
             "5 n_gauges", unit=""),
-        Stored(f"flight.{before}load_covariance", "the same of loads", of("five", "five"), "5 5", unit=""),
-        Stored(f"flight_loads.{before}strain_covariance", f"with strain, of {errors}", of("others", "gauges"),
+        Stored(f"flight.{before}load_covariance", "the same of loads", pair("five", "five"), "5 5", unit=""),
+        Stored(f"flight_loads.{before}strain_covariance", f"with strain, of {errors}", pair("others", "gauges"),
             "n_loads n_gauges", unit=""),
         Stored(f"flight_loads.{before}variance", "the same of each load",
             lambda s: np.sum(columns(s)[1][OTHER_LOADS] ** 2, axis=1), "n_loads", unit=""),

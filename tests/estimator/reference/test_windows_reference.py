@@ -44,7 +44,7 @@ def test_a_mean_of_what_does_not_move_leaves_one_over_its_samples() -> None:
     noise = np.tile([1.0, 4.0, 9.0], (k, 1))
     found = averaged(0.01 * np.arange(k), np.ones((k, m)), noise, LONGEST)
     count = max(len(one) for one in windows(0.01 * np.arange(k), LONGEST) if len(one) <= 0.5 * k)
-    assert found.left == pytest.approx(1.0 / count)
+    assert found.noise_part == pytest.approx(1.0 / count)
     np.testing.assert_allclose(found.noise, noise[-1] / count)
 
 
@@ -55,19 +55,19 @@ def test_a_line_is_followed_without_lag() -> None:
     found = averaged(time, value, np.ones((65, 2)), LONGEST)
     np.testing.assert_allclose(found.value, value[-1], rtol=1e-9)
     counts = [len(one) for one in windows(time, LONGEST) if len(one) <= 32]
-    assert found.left == pytest.approx(min((4 * n - 2) / (n * (n + 1)) for n in counts if n > 2))
+    assert found.noise_part == pytest.approx(min((4 * n - 2) / (n * (n + 1)) for n in counts if n > 2))
 
 
 def test_a_jump_ends_the_window_in_its_sample() -> None:
     value = np.where(np.arange(50) < 49, 0.0, 5.0)[:, None]
     found = averaged(0.01 * np.arange(50), value, np.ones((50, 1)), LONGEST)
-    assert (found.left, found.value[0]) == (1.0, 5.0)
+    assert (found.noise_part, found.value[0]) == (1.0, 5.0)
 
 
 def test_one_channel_that_moves_ends_the_window_of_all() -> None:
     value = np.zeros((50, 2))
     value[-1, 1] = 5.0
-    assert averaged(0.01 * np.arange(50), value, np.ones((50, 2)), LONGEST).left == 1.0
+    assert averaged(0.01 * np.arange(50), value, np.ones((50, 2)), LONGEST).noise_part == 1.0
 
 
 @pytest.mark.parametrize("rate", [0.0, 1e-4, 5e-3, 0.05, 1.0])
@@ -116,7 +116,7 @@ def test_the_core_filters_a_linear_map_as_the_reference(case: int, lost: int, mo
     for row in range(k):
         known = slice(0, row + 1)
         expected = averaged(time[known], value[known], noise[known], 0.3)
-        assert core.noise_left[row] == pytest.approx(expected.left, rel=1e-9)
+        assert core.noise_left[row] == pytest.approx(expected.noise_part, rel=1e-9)
         found = np.append(core.loads[row], core.coefficients[row])
         np.testing.assert_allclose((found - expected.value) / std[row], 0.0, atol=1e-9)
         variance = std[row] ** 2 - noise[row] + expected.noise

@@ -64,7 +64,7 @@ def test_gain_in_the_field_is_the_published_one(gamma: float, case: Case, prior:
 def test_whitened_eigenvectors_diagonalise_the_hessian(case: Case, prior: LowRankPrior) -> None:
     """Gamma_pr H_misfit b = lambda b in the field (eq. eigproblem), for the leading modes: 1e-8 of lambda_1."""
     spectrum = gaussian(case, prior).spectrum
-    b = prior.factor @ spectrum.right[:, :20]
+    b = prior.factor @ spectrum.right_vectors[:, :20]
     whitened = case.strain_operator / case.noise_std[:, None]
     applied = prior.factor @ (prior.factor.T @ (whitened.T @ (whitened @ b)))
     size = np.linalg.norm(b, axis=0) * spectrum.eigenvalues[0]
@@ -88,7 +88,7 @@ def test_three_forms_of_the_posterior_covariance_agree(gamma: float) -> None:
 def test_posterior_covariance_stays_positive_at_small_gamma(case: Case, prior: LowRankPrior) -> None:
     """gamma = 1e-6: 1/(lambda + gamma) along every right vector to 1e-6, where Woodbury has no digit left."""
     solved = gaussian(case, prior, 1e-6)
-    v, eigenvalues = solved.spectrum.right, solved.spectrum.state_eigenvalues
+    v, eigenvalues = solved.spectrum.right_vectors, solved.spectrum.state_eigenvalues
     along = np.sum((solved.inverse_hessian_factor().T @ v) ** 2, axis=0)
     np.testing.assert_allclose(along, 1.0 / (eigenvalues + 1e-6), rtol=1e-6)
     whitened = case.strain_operator @ prior.factor / case.noise_std[:, None]

@@ -56,7 +56,7 @@ def test_residual_and_solution_are_those_of_the_estimate(case: Case, prior: LowR
 def test_calibrated_data_ask_for_gamma_one(rule: Rule, case: Case, prior: LowRankPrior) -> None:
     """By expectation each of the three rules has its answer at 1; exactly so, to 1e-4."""
     spectrum = gaussian(case, prior).spectrum
-    data = expected_data(spectrum.eigenvalues, len(spectrum.left))
+    data = expected_data(spectrum.eigenvalues, len(spectrum.left_vectors))
     assert select_gamma(rule, data) == pytest.approx(1.0, rel=1e-4)
 
 
