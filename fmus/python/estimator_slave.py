@@ -209,8 +209,8 @@ class EstimatorSlave(Fmi2Slave):
 
     def _apply_zeros(self) -> None:
         value, std = self._values[self._zeros[:-1]].reshape(2, -1)
-        given = GaugeZeros(value=value, std=std, common_std=float(self._values[self._zeros[-1]]))
-        zeros = self._tare.zeros or given
+        stated_zeros = GaugeZeros(value=value, std=std, common_std=float(self._values[self._zeros[-1]]))
+        zeros = self._tare.zeros or stated_zeros
         self._values[self._zeros_in_use] = [*zeros.value, *zeros.std, zeros.common_std]
         self._estimator = self._estimator.with_zeros(zeros)
         self._zeros_outdated = False
@@ -282,7 +282,7 @@ class EstimatorSlave(Fmi2Slave):
             self._estimator.memory = self._memory
         elif self._remembers:
             self._estimator.restart()
-        found = self._estimator.track(
+        estimate = self._estimator.track(
             self._values[self._first_input : self._valid],
             valid=(self._values[self._valid : self._pressure] != 0.0) & self._is_set,
             time=self._time,
@@ -293,7 +293,7 @@ class EstimatorSlave(Fmi2Slave):
             **flow,
         )
         self._next = self._estimator.memory if self._remembers else None
-        return found
+        return estimate
 
     def _flow_inputs(self) -> dict[str, float]:
         """Return the inputs for flow and navigation by name."""

@@ -10,7 +10,7 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from attacked_bus import KINDS, LONG_KINDS, PERIOD, Act, Found, campaign, drawn, run_scenario
+from attacked_bus import KINDS, LONG_KINDS, PERIOD, Act, Found, campaign, draw_acts, run_scenario
 from sweeps import sweep
 
 FOREIGN = frozenset({"foreign first", "foreign behind", "second sender"})
@@ -46,7 +46,7 @@ FOUND = (
 
 @pytest.mark.parametrize(("profile", "seed", "what"), FOUND)
 def test_what_once_was_wrong(profile: str, seed: int, what: str) -> None:
-    found = run_scenario(profile, seed, drawn(seed))
+    found = run_scenario(profile, seed, draw_acts(seed))
     assert found.n_valid > 0, what
     assert_nothing_false(found)
 
@@ -153,7 +153,7 @@ RACK_ACTS = (
 
 
 @pytest.mark.parametrize(
-    ("acts", "what"), [*((drawn(seed, (*KINDS, *LONG_KINDS)), what) for seed, what in RACK), *RACK_ACTS]
+    ("acts", "what"), [*((draw_acts(seed, (*KINDS, *LONG_KINDS)), what) for seed, what in RACK), *RACK_ACTS]
 )
 def test_what_once_was_wrong_of_a_multiplexed_rack(acts: list[Act], what: str) -> None:
     found = run_scenario("rack", 3, acts)

@@ -31,7 +31,7 @@ class AlteredFrames:
 
     def with_other_strains(self, frames: list[Frame]) -> list[Frame]:
         """Return the intact ones of ``frames`` as another sender with the same counter and time sends them."""
-        trailer, true, other, others = self._layout.trailer, b"", b"", []
+        trailer, true, altered, altered_frames = self._layout.trailer, b"", b"", []
         strain_keys = {frame.layout.key for frame in self._layout.strain_frames}
         for frame in frames:
             item = self._item_of(frame)
@@ -46,13 +46,13 @@ class AlteredFrames:
                 data[signal.bits[0 if signal.length == 16 else 16] // 8] ^= 0x40
             changed = bytes(data)
             if protection:
-                covered = other if item is trailer else b""
+                covered = altered if item is trailer else b""
                 changed = protect(changed, protection, counter_in(changed, protection), covered)
             if frame.key in strain_keys:
-                true, other = true + frame.data, other + changed
+                true, altered = true + frame.data, altered + changed
             if item.indices or item is trailer:
-                others.append(replace(frame, data=changed))
-        return others
+                altered_frames.append(replace(frame, data=changed))
+        return altered_frames
 
     def at_end_of_range(self, frames: list[Frame], fault: Fault) -> list[Frame]:
         """Put one gauge at the end of its range, with a correct CRC: the converter is overdriven, not the bus."""

@@ -33,7 +33,7 @@ def strain_covariances(
     jacobian = np.zeros((len(pressure), n_d, len(covariance)))
     where, std = slices(structure.counts), parameters.of_vector(np.sqrt(np.diag(covariance)))
     for (kind, region), slope in parameter_derivatives(
-        lambda one: structure.strain_operator(one) @ pressure.T, parameters, uncertain_keys(std)
+        lambda vehicle: structure.strain_operator(vehicle) @ pressure.T, parameters, uncertain_keys(std)
     ).items():
         start = where[kind].start
         if of_gauges((kind, region)):

@@ -196,7 +196,7 @@ class Scenario:
         self.last_fault = max((act.end for act in acts), default=0)
         self.recovered = not acts
 
-    def at(self, number: int) -> float:
+    def begin_of(self, number: int) -> float:
         """Return when a cycle begins: pauses without a frame are no cycles."""
         return number * PERIOD + self.paused
 
@@ -265,37 +265,37 @@ class Scenario:
 
     def drain(self, time: float) -> None:
         """Release all that the gateway holds, in order."""
-        held = sorted(self.wire)
+        waiting = sorted(self.wire)
         self.wire = [
-            (min(arrival, time + 1e-6 * k), order, frame) for k, (arrival, order, frame) in enumerate(held)
+            (min(arrival, time + 1e-6 * k), order, frame) for k, (arrival, order, frame) in enumerate(waiting)
         ]
-        self.bus.release = min(self.bus.release, time + 1e-6 * len(held))
+        self.bus.release = min(self.bus.release, time + 1e-6 * len(waiting))
 
     def payload(self, number: int, time: float) -> np.ndarray:
         """Readings that the sender sends; where it repeats some, they keep the time of their sampling."""
         bus = self.bus
-        own = codes_of(number, self.seed)
-        self.truth.append((time, own))
+        codes = codes_of(number, self.seed)
+        self.truth.append((time, codes))
         if self.active(number, "freeze"):
             return bus.held_codes[-1]
         for act in self.active(number, "loop"):
             first = act.start - 10
-            kept = [codes_of(n, self.seed) for n in range(max(first, 0), act.start)]
-            again = kept[(number - act.start) % len(kept)]
+            earlier = [codes_of(n, self.seed) for n in range(max(first, 0), act.start)]
+            again = earlier[(number - act.start) % len(earlier)]
             self.sampled[again.tobytes()] = time  # a stimulus in a loop is as new as any
             bus.held_codes = [again]
             return again
         for act in self.active(number, "stuck gauge"):
-            own = own.copy()
-            own[int(29 * act.size)] = codes_of(act.start, self.seed)[int(29 * act.size)]
+            codes = codes.copy()
+            codes[int(29 * act.size)] = codes_of(act.start, self.seed)[int(29 * act.size)]
         for act in self.active(number, "zero gauge"):
-            own = own.copy()
-            own[int(29 * act.size)] = 0
+            codes = codes.copy()
+            codes[int(29 * act.size)] = 0
         for act in self.active(number, "no value"):
-            own = own.copy()
-            own[int(29 * act.size)] = -32768
-        bus.held_codes = [own]
-        return own
+            codes = codes.copy()
+            codes[int(29 * act.size)] = -32768
+        bus.held_codes = [codes]
+        return codes
 
     def send(self, number: int) -> None:
         """Put the frames of a cycle on the wire."""
@@ -303,14 +303,14 @@ class Scenario:
         pauses = [*self.begins(number, "pause"), *self.begins(number, "restart behind a pause")]
         self.pause = sum(round(3600.0 * act.size**3 / PERIOD) * PERIOD for act in pauses)
         self.paused += self.pause
-        time = self.at(number)
+        time = self.begin_of(number)
         self.change_clocks(number, time)
         if self.active(number, "period") and number % 2:
             bus.counter -= 1
             codes_of(number, self.seed)
             return
-        own = self.payload(number, time)
-        self.sampled.setdefault(own.tobytes(), time)
+        codes = self.payload(number, time)
+        self.sampled.setdefault(codes.tobytes(), time)
         status = 2 if self.active(number, "status") else 0
         counter = number + bus.counter
         clock = time + bus.clock
@@ -320,14 +320,14 @@ class Scenario:
         sent = [
             (arrival + 2e-5 * k, frame)
             for k, frame in enumerate(
-                bus.sender.cycle(own, 9e4 + number, counter=max(counter, 0), clock=clock, status=status)
+                bus.sender.cycle(codes, 9e4 + number, counter=max(counter, 0), clock=clock, status=status)
             )
         ]
         if bus.is_on:
             bus.release = arrival + 1e-4
             bus.recorded.append(sent)
             self.put(self.altered(number, sent, max(counter, 0), clock))
-        self.put(self.added(number, arrival, own, counter, clock))
+        self.put(self.added(number, arrival, codes, counter, clock))
 
     def altered(self, number: int, sent: Frames, counter: int, clock: float) -> Frames:
         """Return the frames of the sender as faults on the way leave them."""
@@ -335,19 +335,19 @@ class Scenario:
         if self.active(number, "silence"):
             return []
         if self.active(number, "loss"):
-            sent = [one for one in sent if random.random() > 0.4]
+            sent = [entry for entry in sent if random.random() > 0.4]
         if self.active(number, "no pressure"):
-            sent = [one for one in sent if one[1].identifier != BASE]
+            sent = [entry for entry in sent if entry[1].identifier != BASE]
         if self.active(number, "data id"):
-            own = self.bus.sender.cycle(
+            restarted = self.bus.sender.cycle(
                 codes_of(number, self.seed) + 99, 1e4, counter=counter, clock=0.0, data_id_shift=7
             )
-            sent = [(time, frame) for (time, _), frame in zip(sent, own, strict=False)]
+            sent = [(time, frame) for (time, _), frame in zip(sent, restarted, strict=False)]
         if self.active(number, "configuration"):
-            own = self.bus.sender.cycle(
+            restarted = self.bus.sender.cycle(
                 codes_of(number, self.seed)[::-1], 1e4, counter=counter, clock=clock, configured=77
             )
-            sent = [(time, frame) for (time, _), frame in zip(sent, own, strict=False)]
+            sent = [(time, frame) for (time, _), frame in zip(sent, restarted, strict=False)]
         if self.active(number, "length"):
             sent = [(time, Sent(frame.identifier, frame.data[: len(frame.data) * 3 // 4])) for time, frame in sent]
         for kind, width in (("bit flips", 512), ("burst", 8)):
@@ -359,7 +359,7 @@ class Scenario:
             sent = [(time + (PERIOD if random.random() < 0.3 else 0.0), frame) for time, frame in sent]
         return sent
 
-    def added(self, number: int, arrival: float, own: np.ndarray, counter: int, clock: float) -> Frames:
+    def added(self, number: int, arrival: float, codes: np.ndarray, counter: int, clock: float) -> Frames:
         """Return the frames of other nodes."""
         random, more = self.random, list[tuple[float, Sent]]()
         recorded = self.bus.recorded
@@ -367,20 +367,20 @@ class Scenario:
             for act in self.active(number, kind):
                 place = act.start - (40 if kind == "recording" else act.start) + (number - act.start)
                 if 0 <= place < len(recorded):
-                    shift = self.at(number) - recorded[place][0][0]
+                    shift = self.begin_of(number) - recorded[place][0][0]
                     more += [(time + shift, frame) for time, frame in recorded[place]]
         if self.active(number, "one cycle again") and len(recorded) > 40:
             old = recorded[int(random.integers(len(recorded) - 1))]
             more += [(arrival + 4e-3 + 1e-5 * k, frame) for k, (_, frame) in enumerate(old)]
-        other = codes_of(number, self.seed) + random.integers(-200, 200, size=own.shape)
+        foreign_codes = codes_of(number, self.seed) + random.integers(-200, 200, size=codes.shape)
         for kind, lead, every in FOREIGN:
             for act in self.active(number, kind):
                 if (number - act.start) % every:
                     continue
                 shift = 100 if kind == "second sender" else 0
                 self.foreign.session, self.foreign.heard = self.bus.sender.session, self.bus.sender.heard
-                frames = self.foreign.cycle(other, 9e4, counter=max(counter, 0) + shift, clock=clock)
-                self.foreign_payloads.add(other.tobytes())
+                frames = self.foreign.cycle(foreign_codes, 9e4, counter=max(counter, 0) + shift, clock=clock)
+                self.foreign_payloads.add(foreign_codes.tobytes())
                 more += [(arrival + lead + 1e-5 * k, frame) for k, frame in enumerate(frames)]
         if self.active(number, "babbling"):
             more += [(arrival + 1e-5 * k, Sent(0x301, random.bytes(64 if self.is_fd else 8))) for k in range(20)]
@@ -403,7 +403,7 @@ class Scenario:
         """Run the scenario; return what the oracle found."""
         for number in range(self.n_cycles):
             self.send(number)
-            now = self.at(number + 1)
+            now = self.begin_of(number + 1)
             while self.wire and self.wire[0][0] < now - 4e-4:
                 arrival, _, frame = heappop(self.wire)
                 self.time = max(arrival, self.time)
@@ -428,8 +428,8 @@ class Scenario:
             self.judge(result, number)
 
     def judge(self, result: Result, number: int) -> None:
-        found = self.found
-        found.last = f"{result.quality.name} {result.causes!r}"
+        findings = self.found
+        findings.last = f"{result.quality.name} {result.causes!r}"
         says = number >= self.last_fault + RECOVERY and bool(result.causes & WAITS)
         if self.last_fault <= number <= self.last_fault + RECOVERY + 5:
             is_late = self.bus.delay > 5.0 * PERIOD  # for good: the strains are what they say, too old
@@ -438,32 +438,32 @@ class Scenario:
             self.judge_degraded(result, number)
         if result.quality is not Quality.VALID:
             return
-        found.n_valid += 1
-        found.largest_uncertainty = max(found.largest_uncertainty, result.age_uncertainty)
+        findings.n_valid += 1
+        findings.largest_uncertainty = max(findings.largest_uncertainty, result.age_uncertainty)
         codes = np.round(result.strain / 0.25e-6).astype(np.int64)
         payload = codes.tobytes()
-        at = self.sampled.get(payload)
-        if at is None:
+        sampled_at = self.sampled.get(payload)
+        if sampled_at is None:
             if payload in self.foreign_payloads:
-                found.foreign += 1
+                findings.foreign += 1
                 return
-            at = self.nearly(codes)
-            if at is None and any(act.kind.startswith("foreign") for act in self.acts):
-                found.foreign += 1  # a foreign frame beside a lost one
+            sampled_at = self.nearly(codes)
+            if sampled_at is None and any(act.kind.startswith("foreign") for act in self.acts):
+                findings.foreign += 1  # a foreign frame beside a lost one
                 return
-            if at is None:
-                found.mixed.append(f"cycle {number}")
+            if sampled_at is None:
+                findings.mixed.append(f"cycle {number}")
                 return
-        age = result.time - at
+        age = result.time - sampled_at
         if age > self.max_age + JITTER:
-            found.beyond.append(f"cycle {number}: VALID, true {1e3 * age:.2f} ms")
+            findings.beyond.append(f"cycle {number}: VALID, true {1e3 * age:.2f} ms")
         if age > result.age + result.age_uncertainty + JITTER:
-            found.too_old.append(
+            findings.too_old.append(
                 f"cycle {number}: true {1e3 * age:.2f}, stated {1e3 * result.age:.2f} +- "
                 f"{1e3 * result.age_uncertainty:.2f} ms"
             )
         if age < result.age - result.age_uncertainty - JITTER:
-            found.too_young.append(
+            findings.too_young.append(
                 f"cycle {number}: true {1e3 * age:.2f}, stated {1e3 * result.age:.2f} +- "
                 f"{1e3 * result.age_uncertainty:.2f} ms"
             )
@@ -485,8 +485,8 @@ class Scenario:
     def nearly(self, codes: np.ndarray) -> float | None:
         """Return the time of a cycle but for gauges that are at fault and need not be found yet."""
         allowed = sum(act.kind in ("stuck gauge", "zero gauge") for act in self.acts)
-        for time, own in reversed(self.truth):
-            if int((own != codes).sum()) <= allowed:
+        for time, sent_codes in reversed(self.truth):
+            if int((sent_codes != codes).sum()) <= allowed:
                 return time
         return None
 
@@ -500,7 +500,7 @@ def _flipped(frame: Sent, random: np.random.Generator, width: int) -> Sent:
     return Sent(frame.identifier, bytes(data))
 
 
-def drawn(seed: int, kinds: tuple[str, ...] = KINDS, first: int = 60, longest: int = 60) -> list[Act]:
+def draw_acts(seed: int, kinds: tuple[str, ...] = KINDS, first: int = 60, longest: int = 60) -> list[Act]:
     """Return two to five faults that overlap."""
     random = np.random.default_rng((seed, 77))
     acts = []
@@ -516,12 +516,12 @@ def run_scenario(
     profile: str, seed: int, acts: list[Act], settings: BridgeSettings | None = None, session: int | None = 7
 ) -> Found:
     """Run faults until the bridge has had time to recover from the last of them; return what the oracle found."""
-    held = max((500 * act.size for act in acts if act.kind == "restart under delay"), default=0)
+    delay = max((500 * act.size for act in acts if act.kind == "restart under delay"), default=0)
     end = max((act.end for act in acts), default=0)
     scenario = Scenario(
-        profile, seed, acts, end + int(held) + RECOVERY + 20, settings or BridgeSettings(), session
+        profile, seed, acts, end + int(delay) + RECOVERY + 20, settings or BridgeSettings(), session
     )
-    scenario.last_fault = end + int(held)
+    scenario.last_fault = end + int(delay)
     return scenario.run()
 
 
@@ -536,21 +536,21 @@ def campaign(
     """Run scenarios; return counts of cycles, frames, VALID results and all that is wrong."""
     total: Counter[str] = Counter()
     for seed in seeds:
-        acts = drawn(seed, kinds)
-        found = run_scenario(profile, seed, acts, settings, session)
+        acts = draw_acts(seed, kinds)
+        result = run_scenario(profile, seed, acts, settings, session)
         total.update(
             scenarios=1,
-            cycles=found.cycles,
-            frames=found.frames,
-            valid=found.n_valid,
-            too_old=len(found.too_old),
-            too_young=len(found.too_young),
-            mixed=len(found.mixed),
-            beyond=len(found.beyond),
-            foreign=found.foreign,
-            unaccounted=found.unaccounted,
-            late=found.is_late,
+            cycles=result.cycles,
+            frames=result.frames,
+            valid=result.n_valid,
+            too_old=len(result.too_old),
+            too_young=len(result.too_young),
+            mixed=len(result.mixed),
+            beyond=len(result.beyond),
+            foreign=result.foreign,
+            unaccounted=result.unaccounted,
+            late=result.is_late,
         )
         if report is not None:
-            report(seed, found)
+            report(seed, result)
     return total

@@ -220,8 +220,8 @@ def paced_bridge(fmu: Path, options: BridgeOptions, **watched: Any) -> Iterator[
             also(result)
 
     with observed_bridge(fmu, options, clock=clock, also=take, **watched) as observed:
-        bridge, found = observed.bridge, list[BridgeSummary]()
-        thread = threading.Thread(target=lambda: found.append(bridge.run()), daemon=True)
+        bridge, summaries = observed.bridge, list[BridgeSummary]()
+        thread = threading.Thread(target=lambda: summaries.append(bridge.run()), daemon=True)
         bus = open_bus(BusSettings(interface="virtual", channel=options.channel))
         paced = PacedBridge(bridge, clock, bus, thread)
         running.append(paced)
@@ -235,7 +235,7 @@ def paced_bridge(fmu: Path, options: BridgeOptions, **watched: Any) -> Iterator[
             bridge.stop()
             thread.join(PATIENCE)
             bus.shutdown()
-        paced.summary, paced.notes = found[0], observed.notes()
+        paced.summary, paced.notes = summaries[0], observed.notes()
 
 
 def live_run(

@@ -51,8 +51,13 @@ def _parts() -> tuple[Vehicle, Snapshots, AsBuiltStructure, Remaining]:
     # A test leaves of a recorder's zeros what its noise is, not a part of their prior.
     clamped = vehicle.calibration.model_copy(update={"clamp_compliance_mm": 0.0, "zero_um_per_m": 50.0})
     std = as_built_std(clamped, structure.counts)
-    built = draw_as_built(std, np.random.default_rng(5))
-    return vehicle, snapshots, structure, Remaining(parameters=built, covariance=np.diag((LEFT * std.vector) ** 2))
+    as_built = draw_as_built(std, np.random.default_rng(5))
+    return (
+        vehicle,
+        snapshots,
+        structure,
+        Remaining(parameters=as_built, covariance=np.diag((LEFT * std.vector) ** 2)),
+    )
 
 
 @cache

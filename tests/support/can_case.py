@@ -120,10 +120,10 @@ class Projection:
         return StepResult(self.outputs(strain, dynamic_pressure), np.ones(5), int(health), 1.0)
 
     def outputs(self, strain: np.ndarray, dynamic_pressure: float) -> np.ndarray:
-        found = np.empty(5)
-        found[:4] = self._gain @ (strain if np.isfinite(strain).all() else np.nan_to_num(strain))
-        found[4] = dynamic_pressure
-        return found
+        values = np.empty(5)
+        values[:4] = self._gain @ (strain if np.isfinite(strain).all() else np.nan_to_num(strain))
+        values[4] = dynamic_pressure
+        return values
 
 
 @dataclass
@@ -235,9 +235,9 @@ class Oracle:
         self._tolerance = 0.5 * 0.25 * self._step.weights.sum(axis=1).max() + 1e-3
         self._valid_cycles: set[int] = set()
         self.false_valid: list[str] = []
-        held = [frame for frame in layout.strain_frames if frame.hold is not None]
-        self._slow = [gauge for frame in held for gauge in frame.gauges]
-        self._every = max([cycles_apart(frame, layout.cycle_time) for frame in held], default=1)
+        held_frames = [frame for frame in layout.strain_frames if frame.hold is not None]
+        self._slow = [gauge for frame in held_frames for gauge in frame.gauges]
+        self._every = max([cycles_apart(frame, layout.cycle_time) for frame in held_frames], default=1)
 
     def judge(self, result: Result) -> None:
         """Compare a result with every truth that is young enough; of a stuck gauge, with its reading."""
@@ -251,8 +251,8 @@ class Oracle:
         known = {n: self._with_held([self._truth.cycle(n)[0]], oldest, last) for n in range(oldest, last + 1)}
         fitting = [n for n, strains in known.items() if any(self._fits(result, strain) for strain in strains)]
         stuck = self._with_held(self._stuck(last, oldest), oldest, last)
-        held = any(self._fits(result, strain) for strain in stuck)
-        is_excused = held
+        is_stuck = any(self._fits(result, strain) for strain in stuck)
+        is_excused = is_stuck
         if fitting and not is_excused:
             # The frames of a cycle begin to be sent when it is sampled.
             hidden = now - max(fitting) * cycle - result.age - result.age_uncertainty
@@ -275,16 +275,16 @@ class Oracle:
 
     def _stuck(self, last: int, oldest: int) -> list[np.ndarray]:
         """Return truths with stuck gauges as they were, for as long as the documented detection of that takes."""
-        held, found = self._held_readings(last), []
-        for number in range(oldest, last + 1) if held else ():
+        held_readings, strains = self._held_readings(last), []
+        for number in range(oldest, last + 1) if held_readings else ():
             strain = self._truth.cycle(number)[0].copy()
-            strain[list(held)] = list(held.values())
-            found.append(strain)
-        return found
+            strain[list(held_readings)] = list(held_readings.values())
+            strains.append(strain)
+        return strains
 
     def _held_readings(self, last: int) -> dict[int, float]:
         """Return the readings of stuck gauges that need not be found yet."""
-        held = {}
+        readings = {}
         for fault in self._faults_near(last):
             gauges, limit = list[int](), 0
             if fault.kind is FaultKind.STUCK_GAUGE:
@@ -296,8 +296,8 @@ class Oracle:
             for gauge in gauges:
                 periods = (limit + 1) * self._every if gauge in self._slow else limit
                 if last < fault.start + periods + self._unseen(fault, last):
-                    held[gauge] = self._truth.cycle(fault.start)[0][gauge]
-        return held
+                    readings[gauge] = self._truth.cycle(fault.start)[0][gauge]
+        return readings
 
     def _with_held(self, strains: list[np.ndarray], oldest: int, last: int) -> list[np.ndarray]:
         """Return ``strains`` with every reading of the held gauges that they may be used with.
@@ -314,30 +314,37 @@ class Oracle:
         near = [fault for fault in self._faults_near(last) if fault.kind in kinds]
         sampled |= {fault.start for fault in near if last < fault.start + limits[fault.kind] + self._every}
         stuck = {gauge: value for gauge, value in self._held_readings(last).items() if gauge in self._slow}
-        found = []
+        candidates = []
         for strain in strains:
             for number in sampled:
-                whole = strain.copy()
-                whole[self._slow] = self._truth.cycle(number)[0][self._slow]
-                found.append(whole)
+                with_slow = strain.copy()
+                with_slow[self._slow] = self._truth.cycle(number)[0][self._slow]
+                candidates.append(with_slow)
                 if stuck:
-                    whole = whole.copy()
-                    whole[list(stuck)] = list(stuck.values())
-                    found.append(whole)
-        return found
+                    with_slow = with_slow.copy()
+                    with_slow[list(stuck)] = list(stuck.values())
+                    candidates.append(with_slow)
+        return candidates
 
     def _unseen(self, fault: Fault, last: int) -> int:
         """Return the cycles since a fault began that are late behind a restart or by a delay, or may be lost."""
         late = self._settings.late_cycles + 1
-        found = self._faults_near(last)
-        lost = max((one.cycles for one in found if one.start == fault.start and one.kind in LOSING), default=0)
-        creeps = [one for one in found if one.kind is FaultKind.CREEP and one.is_active(fault.start)]
-        lost += sum(ceil(growth_of(one) * (last - one.start + 1)) for one in creeps)
+        faults = self._faults_near(last)
+        lost = max(
+            (earlier.cycles for earlier in faults if earlier.start == fault.start and earlier.kind in LOSING),
+            default=0,
+        )
+        creeps = [
+            earlier for earlier in faults if earlier.kind is FaultKind.CREEP and earlier.is_active(fault.start)
+        ]
+        lost += sum(ceil(growth_of(earlier) * (last - earlier.start + 1)) for earlier in creeps)
         # Cycles that a gateway holds back are seen one after the other when it releases them.
-        held = [one for one in found if one.kind is FaultKind.DELAY and one.is_active(fault.start)]
-        lost += sum(one.start + one.cycles - fault.start for one in held)
-        restarts = [one for one in found if one.kind is FaultKind.RESTART]
-        return lost + sum(late for one in restarts if one.start + late > fault.start)
+        delays = [
+            earlier for earlier in faults if earlier.kind is FaultKind.DELAY and earlier.is_active(fault.start)
+        ]
+        lost += sum(earlier.start + earlier.cycles - fault.start for earlier in delays)
+        restarts = [earlier for earlier in faults if earlier.kind is FaultKind.RESTART]
+        return lost + sum(late for delay in restarts if delay.start + late > fault.start)
 
     def _faults_near(self, last: int) -> list[Fault]:
         """Return the faults that have begun and whose effect may not be over."""

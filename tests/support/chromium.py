@@ -72,11 +72,11 @@ class Browser:
     def wait(self, expression: str, holds: Callable[[Any], bool], seconds: float = 120.0) -> Any:
         """Wait until ``holds`` of the value, and return it."""
         end = time.monotonic() + seconds
-        while not holds(found := self.value(expression)):
+        while not holds(value := self.value(expression)):
             if time.monotonic() > end:
-                raise AssertionError(f"{expression}: {found!r} after {seconds:g} s")
+                raise AssertionError(f"{expression}: {value!r} after {seconds:g} s")
             time.sleep(0.05)
-        return found
+        return value
 
     def screenshot(self, path: Path) -> None:
         """Write what the page looks like as PNG."""

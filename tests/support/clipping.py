@@ -46,18 +46,18 @@ def set_width(browser: Browser, width: int, height: int = 900) -> None:
     )
 
 
-def show(browser: Browser, page: Path, drawn: str = "true") -> None:
-    """Show the file ``page`` and wait until it is loaded and ``drawn`` holds in it."""
+def show(browser: Browser, page: Path, condition: str = "true") -> None:
+    """Show the file ``page`` and wait until it is loaded and ``condition`` holds in it."""
     url = page.resolve().as_uri()
     browser.call("Page.navigate", url=url)
-    browser.wait(f"location.href === '{url}' && document.readyState === 'complete' && ({drawn})", bool)
+    browser.wait(f"location.href === '{url}' && document.readyState === 'complete' && ({condition})", bool)
 
 
 def clipped(browser: Browser, width: int, patience: float = PATIENCE) -> list[str]:
     """Return what is clipped at ``width`` [px]."""
     set_width(browser, width)
     end = time.monotonic() + patience
-    while (found := browser.value(CLIPPED)) and time.monotonic() < end:
+    while (cut_texts := browser.value(CLIPPED)) and time.monotonic() < end:
         time.sleep(0.1)
-    assert isinstance(found, list)
-    return found
+    assert isinstance(cut_texts, list)
+    return cut_texts

@@ -140,7 +140,7 @@ def case(vehicle: Vehicle, structure: StructuralModel, snapshots: Snapshots) -> 
 def truth_flows(vehicle: Vehicle, compiled_solver: None) -> dict[FlowKey, Flow]:
     """The flows at the knots of the flight model."""
     solved = solve_flows(truth_engine(vehicle), truth_keys(vehicle), Scheduling(workers=0))
-    return {one.flow.key: one.flow for one in solved}
+    return {solution.flow.key: solution.flow for solution in solved}
 
 
 @pytest.fixture(scope="session")

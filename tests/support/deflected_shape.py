@@ -21,7 +21,7 @@ def deflected(snapshots: Snapshots, deflection: np.ndarray) -> Snapshots:
     """Return ``snapshots`` with a pressure that rolls the body, by a cubic of the ``deflection`` (k,) [deg]."""
     point, scaled = snapshots.surface.point, deflection / 4.0
     twist = np.sin(2.0 * np.arctan2(point[:, 1], point[:, 2])) * (point[:, 0] / point[:, 0].max()) ** 4
-    ambient = np.array([one.ambient_pressure for one in snapshots.conditions()])
+    ambient = np.array([condition.ambient_pressure for condition in snapshots.conditions()])
     change = 3.0 * (scaled + 0.3 * scaled**3)
     return replace(
         snapshots,
@@ -39,8 +39,8 @@ def chosen(snapshots: Snapshots, rows: np.ndarray) -> Snapshots:
 @cache
 def snapshots_of_grid() -> Snapshots:
     count = len(grid_conditions())
-    whole = chosen(grid_snapshots(), np.tile(np.arange(count), len(DEFLECTIONS)))
-    return deflected(whole, np.repeat(DEFLECTIONS, count))
+    repeated = chosen(grid_snapshots(), np.tile(np.arange(count), len(DEFLECTIONS)))
+    return deflected(repeated, np.repeat(DEFLECTIONS, count))
 
 
 @cache

@@ -94,15 +94,15 @@ class DocumentedSender:
         body = head + struct.pack("<fH", pressure, number)
         frames = []
         if self.session is not None:
-            heard, delay, at = self._heard(clock, 65_534)
-            state = struct.pack("<BBIIHHH", counter % 256, heard, ticks, at, self.session, delay, number)
+            heard, delay, sampled = self._heard(clock, 65_534)
+            state = struct.pack("<BBIIHHH", counter % 256, heard, ticks, sampled, self.session, delay, number)
             n_state = 18 if self.profile == "fd64" else 16
             frames = [self._protected(STATE, state.ljust(n_state, b"\0"), STATE_ID + data_id_shift, counter)]
         frames += [self._protected(BASE, body.ljust(n_plain - 2, b"\0"), PRESSURE_ID + data_id_shift, counter)]
         for index in range(-(-len(codes) // size)):
-            own = codes[index * size : (index + 1) * size]
+            part = codes[index * size : (index + 1) * size]
             strains = np.full(size, -32768, dtype="<i2")
-            strains[: len(own)] = own
+            strains[: len(part)] = part
             if self.profile == "rack":  # pages of one message; the page is where others have the status
                 body = struct.pack("<BBIH", counter % 256, index, ticks, number) + strains.tobytes() + bytes(8)
                 frames.append(self._protected(BASE + 1, body, FIRST_STRAIN_ID + data_id_shift, counter))

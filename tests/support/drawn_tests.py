@@ -38,17 +38,17 @@ def drawn_readings(
 
 def applied_by(model: ReadingsModel, vector: FloatArray) -> AppliedTest:
     """Return the test of the vehicle ``vector`` (n,) of a model."""
-    built = model.built(vector)
+    as_built = model.built(vector)
     errors = model.errors(vector)
     zero = errors.zero[[model.groups.index(case.group) for case in model.test.cases]]
     zero += np.outer(model.time, errors.drift)
     weight = np.zeros_like(zero)
-    for (case, known), own in zip(model.loads, model.load_strains(built), strict=True):
-        weight[case] += own if isinstance(known.load, OF_MASS) else 0.0
+    for (case, known), strain in zip(model.loads, model.load_strains(as_built), strict=True):
+        weight[case] += strain if isinstance(known.load, OF_MASS) else 0.0
     return AppliedTest(
         test=model.test,
         strain=model.readings(vector) - zero,
         weight=weight,
         zero=zero,
-        of_load=lambda load, stated: model.structure.response_strain(built, model.structure.response(load)),
+        of_load=lambda load, stated: model.structure.response_strain(as_built, model.structure.response(load)),
     )

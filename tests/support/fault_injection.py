@@ -51,9 +51,9 @@ class FaultySender:
     """
 
     def __init__(
-        self, layout: InputLayout, faults: list[Fault], own: Frame | None = None, trip: int = FIRST_TRIP
+        self, layout: InputLayout, faults: list[Fault], own_frame: Frame | None = None, trip: int = FIRST_TRIP
     ) -> None:
-        self._layout, self._own = layout, own
+        self._layout, self._own = layout, own_frame
         self._faults = sorted(faults, key=lambda fault: fault.start)
         self._next = 0
         self._active: list[Fault] = []
@@ -149,7 +149,7 @@ class FaultySender:
             self._next += 1
             if fault.is_active(number):
                 self._active.append(fault)
-        self._held = {fault: held for fault, held in self._held.items() if fault in self._active}
+        self._held = {fault: sample for fault, sample in self._held.items() if fault in self._active}
 
     # --- faults of sensors and senders ------------------------------------------------------------------------
 
@@ -158,15 +158,15 @@ class FaultySender:
         random = np.random.default_rng(fault.seed)
         gauge = int(random.integers(len(sample.strain)))
         first = number == fault.start
-        held = self._held.setdefault(fault, replace(sample, strain=sample.strain.copy()))
+        old_sample = self._held.setdefault(fault, replace(sample, strain=sample.strain.copy()))
         match fault.kind:
             case FaultKind.FREEZE:
-                sample.strain = held.strain.copy()
+                sample.strain = old_sample.strain.copy()
             case FaultKind.PARTIAL_FREEZE:
                 gauges = frozen_gauges(self._layout, fault)
-                sample.strain[gauges] = held.strain[gauges]
+                sample.strain[gauges] = old_sample.strain[gauges]
             case FaultKind.STUCK_GAUGE:
-                sample.strain[gauge] = held.strain[gauge]
+                sample.strain[gauge] = old_sample.strain[gauge]
             case FaultKind.ZERO_GAUGE:
                 sample.strain[gauge] = 0.0
             case FaultKind.NO_VALUE:
@@ -201,7 +201,7 @@ class FaultySender:
         self, fault: Fault, number: int, time: float, frames: list[Frame], random: np.random.Generator
     ) -> list[Frame]:
         """Change the frames of one cycle."""
-        one = int(random.integers(len(frames))) if frames else 0
+        index = int(random.integers(len(frames))) if frames else 0
         end = time + self._layout.cycle_time
         match fault.kind:
             case FaultKind.LOSS:
@@ -212,8 +212,8 @@ class FaultySender:
             case FaultKind.REPETITION:
                 return sorted((f for f in frames for _ in range(int(random.integers(1, 4)))), key=lambda f: f.time)
             case FaultKind.SEQUENCE if frames:
-                late = replace(frames[one], time=end + 0.05 * self._layout.cycle_time)
-                return [*frames[:one], *frames[one + 1 :], late]
+                late = replace(frames[index], time=end + 0.05 * self._layout.cycle_time)
+                return [*frames[:index], *frames[index + 1 :], late]
             case FaultKind.REPLAY:
                 old = self._history[int(random.integers(len(self._history)))]
                 shift = 0.5 * self._layout.cycle_time
@@ -231,12 +231,12 @@ class FaultySender:
                 # Behind the true frames until it was heard once: nobody can know of one that comes first.
                 is_behind = fault not in self._heard or random.random() < 0.5
                 later = 0.3 * self._layout.cycle_time if is_behind else -1e-6
-                others = [
+                repeats = [
                     replace(frame, time=frame.time + later) for frame in self._altered.with_other_strains(frames)
                 ]
-                if any(frame.time < end for frame in others):
+                if any(frame.time < end for frame in repeats):
                     self._heard.add(fault)
-                return sorted([*frames, *others], key=lambda frame: frame.time)
+                return sorted([*frames, *repeats], key=lambda frame: frame.time)
             case FaultKind.FORGERY if self._layout.is_authenticated:
                 return [self._altered.forged(frame) for frame in frames]
             case FaultKind.EARLIER_RUN if self._layout.is_authenticated:
@@ -250,9 +250,9 @@ class FaultySender:
                 return self._without(frames, *NAVIGATION)
             case FaultKind.DELAY:
                 self._release = max(self._release, (fault.start + fault.cycles) * self._layout.cycle_time)
-                held = max(self._release, time)
-                behind = 1e-5 * (number - fault.start)  # in order among those held back
-                return [replace(frame, time=held + behind + i * 1e-6) for i, frame in enumerate(frames)]
+                release = max(self._release, time)
+                order = 1e-5 * (number - fault.start)  # in order among those held back
+                return [replace(frame, time=release + order + i * 1e-6) for i, frame in enumerate(frames)]
             case FaultKind.JITTER:
                 jitter = 0.4 * self._layout.cycle_time * random.random()
                 return [replace(frame, time=frame.time + jitter) for frame in frames]
@@ -261,13 +261,13 @@ class FaultySender:
 
     def _without(self, frames: list[Frame], *quantities: str) -> list[Frame]:
         """Return ``frames`` but for those that hold one of ``quantities``."""
-        held = [self._layout.frame_of(quantity) for quantity in quantities]
-        keys = {frame.layout.key for frame in held if frame is not None}
+        of_quantities = [self._layout.frame_of(quantity) for quantity in quantities]
+        keys = {frame.layout.key for frame in of_quantities if frame is not None}
         return [frame for frame in frames if frame.key not in keys]
 
     def _insert(self, fault: Fault, time: float, frames: list[Frame], random: np.random.Generator) -> list[Frame]:
         """Change frames one by one, or insert others."""
-        at = time + 0.4 * self._layout.cycle_time
+        arrival = time + 0.4 * self._layout.cycle_time
         known = [frame_of(item.layout, bytes(item.layout.length)) for item in self._layout.frames]
         match fault.kind:
             case FaultKind.LENGTH:
@@ -287,22 +287,28 @@ class FaultySender:
             case FaultKind.MASQUERADE | FaultKind.CONFIGURATION:
                 return self._altered.of_other_sender(fault, frames)
             case FaultKind.BABBLING:
-                own = known[int(random.integers(len(known)))]
-                garbage = [replace(own, data=random.bytes(len(own.data)), time=at + i * 1e-7) for i in range(200)]
+                known_frame = known[int(random.integers(len(known)))]
+                garbage = [
+                    replace(known_frame, data=random.bytes(len(known_frame.data)), time=arrival + i * 1e-7)
+                    for i in range(200)
+                ]
                 return [*frames, *garbage]
             case FaultKind.UNKNOWN_IDENTIFIER:
                 return [
                     *frames,
-                    *(Frame(identifier=0x7FF - i % 50, data=bytes(8), time=at + i * 1e-7) for i in range(100)),
+                    *(
+                        Frame(identifier=0x7FF - i % 50, data=bytes(8), time=arrival + i * 1e-7)
+                        for i in range(100)
+                    ),
                 ]
             case FaultKind.OWN_IDENTIFIER if self._own is not None:
-                return [*frames, replace(self._own, time=at)]
+                return [*frames, replace(self._own, time=arrival)]
             case FaultKind.SECOND_BRIDGE if self._own is not None:
-                return [*frames, replace(self._own, time=at, data=random.bytes(len(self._own.data)))]
+                return [*frames, replace(self._own, time=arrival, data=random.bytes(len(self._own.data)))]
             case FaultKind.ERROR_FRAMES:
-                return [*frames, *(replace(f, time=at, is_error=True, data=f.data[::-1]) for f in known)]
+                return [*frames, *(replace(f, time=arrival, is_error=True, data=f.data[::-1]) for f in known)]
             case FaultKind.REMOTE_FRAMES:
-                return [*frames, *(replace(f, time=at, is_remote=True, data=b"", is_fd=False) for f in known)]
+                return [*frames, *(replace(f, time=arrival, is_remote=True, data=b"", is_fd=False) for f in known)]
             case _:
                 return frames
 

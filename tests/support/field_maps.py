@@ -32,7 +32,7 @@ def field_map(linear: bool = False) -> InverseMap:
     values = np.array([[along * (mean + amplitudes(m, a))[:, None] for a in INCIDENCE] for m in MACH])
     zero = np.array([along * (mean + amplitudes(m, 0.0))[:, None] for m in MACH])
     _, coefficients = spline_coefficients(MACH, INCIDENCE, values, np.arange(len(INCIDENCE)), zero)
-    held = FlightField(
+    field = FlightField(
         station=X,
         radius=np.ones(4),
         roll_angle=ROLL,
@@ -41,17 +41,17 @@ def field_map(linear: bool = False) -> InverseMap:
         error_std=np.full(4, 1e-3),
         table_error_std=np.full((4, N_ROLL), 1e-3, dtype=np.float32),
     )
-    whole = scaled_map(2, 1, N_D)
+    inverse_map = scaled_map(2, 1, N_D)
     n_p, random = 4 * N_ROLL, np.random.default_rng(2)
     node = np.arange(n_p).reshape(4, N_ROLL)
-    one, other = node[:-1], node[1:]
-    corners = [one, other, np.roll(one, -1, axis=1)], [other, np.roll(other, -1, axis=1), np.roll(one, -1, axis=1)]
+    fore, aft = node[:-1], node[1:]
+    corners = [fore, aft, np.roll(fore, -1, axis=1)], [aft, np.roll(aft, -1, axis=1), np.roll(fore, -1, axis=1)]
     point = np.stack([np.repeat(X, N_ROLL), np.tile(np.sin(ROLL), 4), np.tile(np.cos(ROLL), 4)], axis=1)
     return replace(
-        whole,
-        manifold=None if linear else replace(flight_map(discrepancy=1e-3), pressure_field=held),
+        inverse_map,
+        manifold=None if linear else replace(flight_map(discrepancy=1e-3), pressure_field=field),
         field_mean=random.normal(1e4, 1e3, size=n_p).astype(np.float32),
-        field_modes=random.normal(size=(n_p, whole.n_states)).astype(np.float32),
+        field_modes=random.normal(size=(n_p, inverse_map.n_states)).astype(np.float32),
         field_std=np.full(n_p, 10.0, dtype=np.float32),
         field_is_net=True,
         point=point.astype(np.float32),

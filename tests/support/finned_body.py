@@ -55,14 +55,14 @@ def finned_mesh(resolution: SweptResolution, fin_rows: int, deflection: float = 
     external = mesh.surface[EXTERNAL]
     node, element = [mesh.node], [mesh.element]
     for angle in FIN_ANGLES:
-        own, hexahedra = _fin(mesh, external[_at_root(mesh.node[external], angle)], angle, fin_rows)
+        fin_nodes, hexahedra = _fin(mesh, external[_at_root(mesh.node[external], angle)], angle, fin_rows)
         shift = sum(map(len, node)) - mesh.n_nodes
         element.append(np.where(hexahedra < mesh.n_nodes, hexahedra, hexahedra + shift))
-        node.append(_turned(own, angle, deflection))
+        node.append(_turned(fin_nodes, angle, deflection))
     every = np.concatenate(element)
     facet, _ = boundary_facets(HEXAHEDRON, every)
-    held = np.concatenate([one for name, one in mesh.surface.items() if name != EXTERNAL])
-    inside = {tuple(key) for key in face_keys(HEXAHEDRON, held).tolist()}
+    inner_quads = np.concatenate([quads for name, quads in mesh.surface.items() if name != EXTERNAL])
+    inside = {tuple(key) for key in face_keys(HEXAHEDRON, inner_quads).tolist()}
     outer = np.array([tuple(key) not in inside for key in face_keys(HEXAHEDRON, facet).tolist()])
     return SolidMesh(
         element_type=HEXAHEDRON,
@@ -131,11 +131,11 @@ def _fin(mesh: SolidMesh, facet: IntArray, angle: float, rows: int) -> tuple[Flo
             low, middle, high = 2 * row, 2 * row + 1, 2 * row + 2
             element.append(
                 [
-                    *(node(one, low) for one in quad[:4]),
-                    *(node(one, high) for one in quad[:4]),
-                    *(node(one, low) for one in quad[4:]),
-                    *(node(one, high) for one in quad[4:]),
-                    *(node(one, middle) for one in quad[:4]),
+                    *(node(corner, low) for corner in quad[:4]),
+                    *(node(corner, high) for corner in quad[:4]),
+                    *(node(corner, low) for corner in quad[4:]),
+                    *(node(corner, high) for corner in quad[4:]),
+                    *(node(corner, middle) for corner in quad[:4]),
                 ]
             )
     return np.array(place), np.array(element)
@@ -163,8 +163,8 @@ def surface_triangles(mesh: SolidMesh) -> FloatArray:
     triangle = mesh.node[facet[:, cut]].reshape(-1, 3, 3)
     start = triangle.reshape(-1, 3)
     end = np.roll(triangle, -1, axis=1).reshape(-1, 3)
-    there = {tuple(np.round([*a, *b], 9)) for a, b in zip(start.tolist(), end.tolist(), strict=True)}
-    alone = [tuple(np.round([*b, *a], 9)) not in there for a, b in zip(start.tolist(), end.tolist(), strict=True)]
+    edges = {tuple(np.round([*a, *b], 9)) for a, b in zip(start.tolist(), end.tolist(), strict=True)}
+    alone = [tuple(np.round([*b, *a], 9)) not in edges for a, b in zip(start.tolist(), end.tolist(), strict=True)]
     rim = np.array(alone) & (start[:, 0] < 0.01)
     centre = np.broadcast_to(start[rim].mean(axis=0), start[rim].shape)
     cap = np.stack([end[rim], start[rim], centre], axis=1)

@@ -76,7 +76,7 @@ def flight_map(discrepancy: float = 0.0, hardware: bool = False) -> ManifoldMap:
     knots, response = _knots_and_coefficients(factors)
     n_d = len(factors) - 5
     columns = discrepancy * np.concatenate([factors[:, m, s : s + 1] for m in range(3) for s in (0, 1)], axis=1)
-    found = ManifoldMap(
+    manifold = ManifoldMap(
         mach_knots=MACH,
         incidence_knots=knots,
         response=response,
@@ -97,7 +97,7 @@ def flight_map(discrepancy: float = 0.0, hardware: bool = False) -> ManifoldMap:
         static_pressure_error=0.02,
         dynamic_pressure_error=0.01,
     )
-    return replace(found, discrepancy_shapes=tested_shapes(found))
+    return replace(manifold, discrepancy_shapes=tested_shapes(manifold))
 
 
 def whole_map() -> InverseMap:
@@ -131,8 +131,10 @@ def with_considered_columns(inverse_map: InverseMap) -> InverseMap:
     manifold = inverse_map.manifold
     assert manifold is not None
     random, pressure, n_f = np.random.default_rng(6), 5e3, manifold.n_loads
-    at = [exact_response(6.0, *crossflow, pressure) for crossflow in ((0.07, 0.03), (0.075, 0.03), (0.07, 0.035))]
-    change = np.stack([at[1] - at[0], at[2] - at[0]], axis=1) / pressure
+    responses = [
+        exact_response(6.0, *crossflow, pressure) for crossflow in ((0.07, 0.03), (0.075, 0.03), (0.07, 0.035))
+    ]
+    change = np.stack([responses[1] - responses[0], responses[2] - responses[0]], axis=1) / pressure
     change *= 1.0 + 0.1 * random.standard_normal(change.shape)
     load = 1e-3 * random.standard_normal((n_f, 2))
     load[:5] = change[manifold.n_gauges :]

@@ -25,8 +25,8 @@ def rack_text(n_gauges: int, lines: Sequence[str] = ()) -> str:
     for number in range(n_gauges):
         text += [f"BO_ {FIRST + number} F{number}: 8 A", ' SG_ v : 0|64@1- (1,0) [0|0] "m/m" B']
         types.append(f"SIG_VALTYPE_ {FIRST + number} v : 2;")
-    others = [line for line in lines if not line.startswith("SIG_VALTYPE_")]
-    return "\n".join([*text, *others, *types, *(line for line in lines if line not in others), ""])
+    rest = [line for line in lines if not line.startswith("SIG_VALTYPE_")]
+    return "\n".join([*text, *rest, *types, *(line for line in lines if line not in rest), ""])
 
 
 def rack_strains(n_gauges: int) -> dict[str, str]:
@@ -45,9 +45,9 @@ def rack_layout(n_gauges: int, lines: Sequence[str], mapping: Mapping[str, Any],
     )
 
 
-def rack_cycle(core: Machine, strain: np.ndarray, k: int, others: Sequence[tuple[int, bytes]] = ()) -> Result:
-    """Return the result of cycle ``k``, of ``others`` by identifier and of strains behind them."""
-    frames = [*others, *((FIRST + i, struct.pack("<d", value)) for i, value in enumerate(strain))]
+def rack_cycle(core: Machine, strain: np.ndarray, k: int, more_frames: Sequence[tuple[int, bytes]] = ()) -> Result:
+    """Return the result of cycle ``k``, of ``more_frames`` by identifier and of strains behind them."""
+    frames = [*more_frames, *((FIRST + i, struct.pack("<d", value)) for i, value in enumerate(strain))]
     results = []
     for identifier, data in frames:
         frame = Frame(identifier=identifier, data=data, time=k * CYCLE, is_fd=len(data) > 8)

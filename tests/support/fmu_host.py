@@ -26,11 +26,11 @@ SCALARS = ExportOptions(inputs="full", fmi_version="3", scalars=True, zero_input
 def exported_kinds(inverse_map: InverseMap, folder: Path) -> dict[str, Path]:
     """Return the FMUs of ``inverse_map`` of every kind, made in ``folder``, by the keys of :data:`OPTIONS`."""
     save_inverse_map(inverse_map, folder / "map.h5")
-    found = {kind: folder / f"{kind}.fmu" for kind in OPTIONS}
+    files = {kind: folder / f"{kind}.fmu" for kind in OPTIONS}
     for kind, options in OPTIONS.items():
-        holds = export_estimator(folder / "map.h5", found[kind], options)
+        holds = export_estimator(folder / "map.h5", files[kind], options)
         assert holds == ("linear" if inverse_map.manifold is None else "nonlinear")
-    return found
+    return files
 
 
 STRAINS = [f"strain[{i + 1}]" for i in range(N_GAUGES)]
@@ -81,7 +81,7 @@ def loaded(path: Path, folder: Path) -> Iterator[Host]:
         instanceName="x",
     )
     fmu.instantiate()
-    in_order = sorted(description.modelVariables, key=lambda one: one.valueReference)
+    in_order = sorted(description.modelVariables, key=lambda variable: variable.valueReference)
     yield Host(fmu, {v.name: v.valueReference for v in in_order})
     fmu.terminate()
     fmu.freeInstance()

@@ -39,5 +39,5 @@ def with_masses(inverse_map: InverseMap, size: float | None = None, **changes: A
     inertia = inertia_part(rest, 3.0 * noise if size is None else size, **changes)
     vibration = inertia.vibration_std * inertia.vibration_strain
     modes = np.hstack([inertia.mode_strain * inertia.prior_std, vibration])
-    own = inverse_map.gauge_covariance + modes @ modes.T
-    return replace(with_gauge_covariance(inverse_map, own), inertia=inertia)
+    covariance = inverse_map.gauge_covariance + modes @ modes.T
+    return replace(with_gauge_covariance(inverse_map, covariance), inertia=inertia)

@@ -32,11 +32,11 @@ class Case:
 
 def noise_model(case: Case, n_modes: int, with_truncated: bool = True) -> NoiseModel:
     """Return gauge noise and, by default, the modes beyond ``n_modes``."""
-    own = gauge_noise(np.diag(case.noise_std**2))
+    of_gauges = gauge_noise(np.diag(case.noise_std**2))
     if not with_truncated or n_modes == case.modes.modes.shape[1]:
-        return NoiseModel((own,))
+        return NoiseModel((of_gauges,))
     strain, load = (operator @ case.modes.modes for operator in (case.strain_operator, case.loads))
-    return NoiseModel((own, truncated_modes(strain, load, case.modes, n_modes)))
+    return NoiseModel((of_gauges, truncated_modes(strain, load, case.modes, n_modes)))
 
 
 def least_squares(case: Case, n_modes: int) -> LeastSquaresMap:
@@ -62,5 +62,5 @@ def snapshots_at(engine: Engine, vehicle: Vehicle, conditions: Sequence[FlightCo
     """Return the engine's pressures at ``conditions``, without a file."""
     campaign = vehicle_campaign(vehicle, engine, [ConditionSet("test", tuple(conditions))])
     keys = map(engine.flow_key, conditions)
-    flows = {one.flow.key: one.flow for one in solve_flows(engine, keys, Scheduling(workers=0))}
+    flows = {solution.flow.key: solution.flow for solution in solve_flows(engine, keys, Scheduling(workers=0))}
     return snapshots_of_flows(campaign, flows)

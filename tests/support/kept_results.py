@@ -79,15 +79,15 @@ def folder_of_sources(parent: Path) -> Path:
     return folder
 
 
-def kept(folder: Path, arguments: object, compute: Callable[[], Any]) -> Any:
+def cached(folder: Path, arguments: object, compute: Callable[[], Any]) -> Any:
     """Return what was kept of ``arguments`` in ``folder``, or compute and keep it; errors are not kept."""
     file = folder / sha256(pickle.dumps(arguments)).hexdigest()
     if not file.exists():
-        found = compute()
-        own = file.with_name(f"{file.name}.{os.getpid()}.{id(found)}")
-        own.write_bytes(pickle.dumps(found))
-        own.replace(file)
-        return found
+        result = compute()
+        temporary = file.with_name(f"{file.name}.{os.getpid()}.{id(result)}")
+        temporary.write_bytes(pickle.dumps(result))
+        temporary.replace(file)
+        return result
     return pickle.loads(file.read_bytes())
 
 
@@ -97,24 +97,24 @@ def kept_results(folder: Path) -> Iterator[None]:
     folder.mkdir(parents=True, exist_ok=True)
 
     def flow(*arguments: Any) -> Any:
-        return kept(folder, arguments, lambda: SOLVE_FLOW(*arguments))
+        return cached(folder, arguments, lambda: SOLVE_FLOW(*arguments))
 
     def response(
         mesh: Any, material: Any, rows: Any, station_x: Any, max_harmonic: int, progress: Any = None
     ) -> Any:
         """Rows follow from the gauges' stations, which rows of the first two harmonics identify."""
         shown = [sha256(np.ascontiguousarray(rows(m)).tobytes()).digest() for m in (0, 1)]
-        found = kept(
+        solved = cached(
             folder,
             (mesh, material, shown, station_x, max_harmonic),
             lambda: RESPONSE_OF_ROWS(mesh, material, rows, station_x, max_harmonic),
         )
         if progress is not None:
             progress(max_harmonic + 1, max_harmonic + 1)
-        return found
+        return solved
 
     def pierced(mesh: Any) -> Any:
-        return kept(folder, ("pierced", mesh.point, mesh.triangle), lambda: PIERCED_PLACES(mesh))
+        return cached(folder, ("pierced", mesh.point, mesh.triangle), lambda: PIERCED_PLACES(mesh))
 
     with _in_place(flow, response, pierced):
         yield

@@ -49,11 +49,11 @@ def limited_run(folder: Path, *arguments: object) -> Ended:
     with tempfile.TemporaryFile(dir=folder) as errors:
         child = os.fork()
         if child == 0:
-            _run([str(one) for one in arguments], errors.fileno())
+            _run([str(argument) for argument in arguments], errors.fileno())
         killed, status, used = False, 0, None
         while used is None:
-            found, status, usage = os.wait4(child, os.WNOHANG)
-            if found:
+            finished, status, usage = os.wait4(child, os.WNOHANG)
+            if finished:
                 used = usage
             elif time.monotonic() - begin > PATIENCE and not killed:
                 os.kill(child, signal.SIGKILL)

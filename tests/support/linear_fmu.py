@@ -25,9 +25,9 @@ class LinearSample:
 def linear_flight(inverse_map: InverseMap, steps: int, seed: int, poor: bool = True) -> list[LinearSample]:
     """States that wander slowly, q_inf that changes, noise; ``poor`` loses gauges, whole samples and q_inf."""
     random, samples = np.random.default_rng(seed), []
-    own, errors = inverse_map.gauge_covariance, inverse_map.error_strain
+    covariance, errors = inverse_map.gauge_covariance, inverse_map.error_strain
     columns, n = np.hstack([inverse_map.state_operator, errors]), inverse_map.n_gauges
-    root = np.linalg.cholesky(own)
+    root = np.linalg.cholesky(covariance)
     fixed = inverse_map.fixed_strain
     state, valid = random.standard_normal(columns.shape[1]), np.ones(n, dtype=bool)
     for k in range(steps):

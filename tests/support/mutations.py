@@ -18,9 +18,9 @@ class TooLongError(BaseException):
 
 def mutated(content: bytes, seed: int, most: int = 8) -> bytes:
     """Return ``content`` with one to ``most`` of its bytes changed."""
-    drawn, changed = random.Random(seed), bytearray(content)
-    for _ in range(drawn.randint(1, most)):
-        changed[drawn.randrange(len(changed))] = drawn.randrange(256)
+    stream, changed = random.Random(seed), bytearray(content)
+    for _ in range(stream.randint(1, most)):
+        changed[stream.randrange(len(changed))] = stream.randrange(256)
     return bytes(changed)
 
 

@@ -148,21 +148,21 @@ class NumpyCore:
 
     def copy(self) -> NumpyCore:
         """Return another one of the same map with the same settings."""
-        other = NumpyCore(self._map, self.resource)
-        other.set(0, self._values)
-        return other
+        duplicate = NumpyCore(self._map, self.resource)
+        duplicate.set(0, self._values)
+        return duplicate
 
     def renew(self) -> None:
         """Nothing to do: matrices follow with every call."""
 
     def set(self, first: int, values: FloatArray) -> None:
         """Set the settings from place ``first`` on; raises InputError for a value that is not allowed."""
-        held = self._values.copy()
-        held[first : first + len(values)] = values
-        zero, std, common = (held[self.settings[name]] for name in (ZERO, ZERO_STD, ZERO_COMMON_STD))
-        EstimatorSettings(**{name: float(held[self.settings[name].start]) for name in SETTING_NAMES})
+        all_values = self._values.copy()
+        all_values[first : first + len(values)] = values
+        zero, std, common = (all_values[self.settings[name]] for name in (ZERO, ZERO_STD, ZERO_COMMON_STD))
+        EstimatorSettings(**{name: float(all_values[self.settings[name].start]) for name in SETTING_NAMES})
         GaugeZeros(value=zero, std=std, common_std=float(common[0]))
-        self._values = held
+        self._values = all_values
 
     def get(self, first: int, count: int) -> FloatArray:
         """Return ``count`` settings from place ``first`` on."""
@@ -207,46 +207,50 @@ class NumpyCore:
 
     def _estimates(self, inputs: FloatArray, mask: BoolArray | None) -> dict[str, FloatArray]:
         """Return the fields of the samples ``inputs`` by name."""
-        held, k, n = self._map, len(inputs), self.n_rows
-        of = {name: inputs[:, place] for name, place in self.inputs.items()}
+        inverse_map, k, n = self._map, len(inputs), self.n_rows
+        by_name = {name: inputs[:, place] for name, place in self.inputs.items()}
         readings = inputs[:, :n]
-        if of[THRUST].shape[1]:
-            readings = held.sensors.without_thrust(readings, of[THRUST][:, 0])
-        flow = self._flow(of)
+        if by_name[THRUST].shape[1]:
+            readings = inverse_map.sensors.without_thrust(readings, by_name[THRUST][:, 0])
+        flow = self._flow(by_name)
         used = self._used(readings, mask, flow)
-        found = self._nothing(k, used)
+        outputs = self._nothing(k, used)
         zeros = GaugeZeros(
             value=self._setting(ZERO),
             std=self._setting(ZERO_STD),
             common_std=float(self._setting(ZERO_COMMON_STD)[0]),
         )
-        inertial = {name: of[name][:, 0] for name in INERTIAL_NAMES if held.has_masses}
-        theta, read = readings_of_modes(held.thermal, held.inertia, of[TEMPERATURE], inertial)
-        vibration = inertial[VIBRATION] if held.has_masses else np.full(k, np.nan)
-        ratio = vibration_ratio(held.inertia, vibration)
+        inertial = {name: by_name[name][:, 0] for name in INERTIAL_NAMES if inverse_map.has_masses}
+        theta, read = readings_of_modes(inverse_map.thermal, inverse_map.inertia, by_name[TEMPERATURE], inertial)
+        vibration = inertial[VIBRATION] if inverse_map.has_masses else np.full(k, np.nan)
+        ratio = vibration_ratio(inverse_map.inertia, vibration)
         key = np.hstack([used, read, np.isfinite(ratio)[:, None], np.nan_to_num(ratio)[:, None]])
-        for one in np.unique(key, axis=0):
-            at = np.flatnonzero((key == one).all(axis=1))
-            known, amplitude, left = one[n:-2] != 0.0, None, None
-            if known.any() or one[-2]:
-                modes = with_vibration(held.thermal_and_inertia, held.inertia, float(ratio[at[0]]))
-                of_sensors = amplitudes(modes, theta[at], known)
-                amplitude, left = of_sensors.mean, of_sensors.covariance[0]
-            rows = rows_of(held, readings[at], np.zeros(len(at)), zeros, amplitude)
-            noise = row_noise(held, held.gauge_covariance, zeros, left)
-            self._fill(found, at, rows, one[:n] != 0.0, noise=noise, flow=flow)
-        more = (np.nan_to_num(ratio) > 1.0) & (found["health"][:, 0] == HealthState.OK)
-        found["health"][more, 0] = HealthState.DEGRADED
+        for pattern in np.unique(key, axis=0):
+            samples = np.flatnonzero((key == pattern).all(axis=1))
+            known, amplitude, unknown = pattern[n:-2] != 0.0, None, None
+            if known.any() or pattern[-2]:
+                modes = with_vibration(
+                    inverse_map.thermal_and_inertia, inverse_map.inertia, float(ratio[samples[0]])
+                )
+                of_sensors = amplitudes(modes, theta[samples], known)
+                amplitude, unknown = of_sensors.mean, of_sensors.covariance[0]
+            rows = rows_of(inverse_map, readings[samples], np.zeros(len(samples)), zeros, amplitude)
+            noise = row_noise(inverse_map, inverse_map.gauge_covariance, zeros, unknown)
+            self._fill(outputs, samples, rows, pattern[:n] != 0.0, noise=noise, flow=flow)
+        more = (np.nan_to_num(ratio) > 1.0) & (outputs["health"][:, 0] == HealthState.OK)
+        outputs["health"][more, 0] = HealthState.DEGRADED
         limit = float(self._setting(OF_ALARMS)[0]) * chi_square_limit(1)
-        judged = np.isin(found["health"][:, 0], (*USABLE_STATES, HealthState.SUSPECT))
-        for off in contradicted_forces(held.inertia, inertial, found["loads"], found["loads_std"], limit).values():
-            found["health"][off & judged, 0] = HealthState.INCONSISTENT
-        found["usable"][:, 0] = np.isin(found["health"][:, 0], USABLE_STATES)
-        return found
+        judged = np.isin(outputs["health"][:, 0], (*USABLE_STATES, HealthState.SUSPECT))
+        for off in contradicted_forces(
+            inverse_map.inertia, inertial, outputs["loads"], outputs["loads_std"], limit
+        ).values():
+            outputs["health"][off & judged, 0] = HealthState.INCONSISTENT
+        outputs["usable"][:, 0] = np.isin(outputs["health"][:, 0], USABLE_STATES)
+        return outputs
 
-    def _flow(self, of: Mapping[str, FloatArray]) -> _Flow:
+    def _flow(self, inputs: Mapping[str, FloatArray]) -> _Flow:
         """Return what is given of the flow."""
-        air = air_of(of)
+        air = air_of(inputs)
         q, mach, altitude = (air[name] for name in FLOW_QUANTITIES)
         std = linear_pressure_std(air, self._map.dynamic_pressure_error)
         usable = (q >= MIN_DYNAMIC_PRESSURE) & (q <= MAX_DYNAMIC_PRESSURE)
@@ -261,7 +265,7 @@ class NumpyCore:
             altitude=altitude,
         )
         parameters = flow_parameters(self._map)
-        score = _parameter_score(parameters, of["parameter"]) if parameters.names else np.zeros((len(q), 0))
+        score = _parameter_score(parameters, inputs["parameter"]) if parameters.names else np.zeros((len(q), 0))
         is_outside |= np.any(score > PARAMETER_TOLERANCE, axis=1)
         return _Flow(q, std, known, is_outside, score, air)
 
@@ -278,76 +282,76 @@ class NumpyCore:
 
     def _nothing(self, k: int, used: BoolArray) -> dict[str, FloatArray]:
         """Return the fields of samples without an estimate."""
-        whole = {**self.outputs, **self.fit}
-        found = {name: np.full((k, place.stop - place.start), np.nan) for name, place in whole.items()}
+        places = {**self.outputs, **self.fit}
+        outputs = {name: np.full((k, place.stop - place.start), np.nan) for name, place in places.items()}
         for name in ("suspect_gauge", "suspects", "degrees_of_freedom", "iterations", "fits", "is_suspect"):
-            found[name][:] = 0.0
-        found["chi_square"][:] = found["envelope_score"][:] = 0.0
+            outputs[name][:] = 0.0
+        outputs["chi_square"][:] = outputs["envelope_score"][:] = 0.0
         limit = self._map.chi_square_scale * chi_square_limit(self._map.residual_degrees_of_freedom)
-        found["chi_square_limit"][:] = float(self._setting(OF_ALARMS)[0]) * limit
-        found[VALID][:], found["valid_gauges"][:, 0] = used, used.sum(axis=1)
-        found["noise_left"][:] = 1.0
-        found["health"][:, 0] = np.where(used.any(axis=1), HealthState.UNIDENTIFIED, HealthState.INVALID)
-        return found
+        outputs["chi_square_limit"][:] = float(self._setting(OF_ALARMS)[0]) * limit
+        outputs[VALID][:], outputs["valid_gauges"][:, 0] = used, used.sum(axis=1)
+        outputs["noise_left"][:] = 1.0
+        outputs["health"][:, 0] = np.where(used.any(axis=1), HealthState.UNIDENTIFIED, HealthState.INVALID)
+        return outputs
 
     def _fill(
         self,
-        found: dict[str, FloatArray],
-        at: IntArray,
+        outputs: dict[str, FloatArray],
+        samples: IntArray,
         rows: FloatArray,
         used: BoolArray,
         *,
         noise: FloatArray,
         flow: _Flow,
     ) -> None:
-        """Fill in the samples ``at``, whose ``rows`` have the same sensors in use."""
-        held = self._map
-        found["parameter_score"][at] = flow.score[at]
-        if not used.any() or not _identifies(held, noise, used):
+        """Fill in ``samples``, whose ``rows`` have the same sensors in use."""
+        inverse_map = self._map
+        outputs["parameter_score"][samples] = flow.score[samples]
+        if not used.any() or not _identifies(inverse_map, noise, used):
             return
-        known, q_std = flow.known[at], flow.std[at]
-        q = np.where(known, flow.pressure[at], held.nominal_dynamic_pressure)
-        of_map = estimate(held, rows, used, q, q_std, noise)
-        rise = 1.0 + held.level_slope * (of_map.expected_ratio - 1.0) if held.level_slope else 1.0
+        known, q_std = flow.known[samples], flow.std[samples]
+        q = np.where(known, flow.pressure[samples], inverse_map.nominal_dynamic_pressure)
+        of_map = estimate(inverse_map, rows, used, q, q_std, noise)
+        rise = 1.0 + inverse_map.level_slope * (of_map.expected_ratio - 1.0) if inverse_map.level_slope else 1.0
         scale = float(self._setting(OF_ALARMS)[0]) * (of_map.expected_ratio * rise)
         freedom = int(of_map.degrees_of_freedom[0])
-        limit = held.chi_square_scale * scale * (chi_square_limit(freedom) if freedom > 0 else np.inf)
+        limit = inverse_map.chi_square_scale * scale * (chi_square_limit(freedom) if freedom > 0 else np.inf)
         level = outlier_threshold(int(used.sum()), FALSE_ALARM_PROBABILITY)
-        threshold = level * np.sqrt(held.outlier_scale * scale)
+        threshold = level * np.sqrt(inverse_map.outlier_scale * scale)
         z, chi_square = of_map.standardised, of_map.chi_square
         worst = np.argmax(np.abs(z), axis=1)
         suspicious = np.abs(z[np.arange(len(z)), worst]) > threshold
         five = FIVE_LOADS
         covariance = of_map.coefficient_covariance[:, five, five]
-        score = _envelope_score(held, of_map.coefficients[:, five], covariance)
+        score = _envelope_score(inverse_map, of_map.coefficients[:, five], covariance)
         health = np.full(len(q), HealthState.OK if used.all() else HealthState.DEGRADED)
         # The later takes the place of the earlier.
-        health[score > held.envelope_score_limit] = HealthState.OUTSIDE
+        health[score > inverse_map.envelope_score_limit] = HealthState.OUTSIDE
         health[suspicious] = HealthState.SUSPECT
         of_force = slice(1, 3)
         found_std = np.sqrt(np.diagonal(of_map.coefficient_covariance, axis1=1, axis2=2))
         health[
             angles_contradict(
-                {name: values[at] for name, values in flow.air.items()},
-                slope=LEAST_PART_OF_SLOPE * incidence_per_force(held),
+                {name: values[samples] for name, values in flow.air.items()},
+                slope=LEAST_PART_OF_SLOPE * incidence_per_force(inverse_map),
                 force=of_map.coefficients[:, of_force],
                 force_std=found_std[:, of_force],
                 limit=float(self._setting(OF_ALARMS)[0]) * chi_square_limit(1),
             )
         ] = HealthState.INCONSISTENT
         health[chi_square > limit] = HealthState.INCONSISTENT
-        health[flow.is_outside[at]] = HealthState.OUTSIDE
+        health[flow.is_outside[samples]] = HealthState.OUTSIDE
         health[~known] = HealthState.NO_COEFFICIENTS
-        found["health"][at, 0] = health
+        outputs["health"][samples, 0] = health
 
-        needs_pressure = held.follows_pressure
-        there = known if needs_pressure else np.ones(len(q), dtype=bool)
-        here, loads = at[there], self._loads(of_map)
+        needs_pressure = inverse_map.follows_pressure
+        usable = known if needs_pressure else np.ones(len(q), dtype=bool)
+        usable_samples, loads = samples[usable], self._loads(of_map)
         for name, values in loads.items():
             of_coefficients = "coefficient" in name
-            which = known if of_coefficients else there
-            found[name][at[which]] = values.reshape(len(at), -1)[which]
-        found["envelope_score"][at[known], 0] = score[known]
+            which = known if of_coefficients else usable
+            outputs[name][samples[which]] = values.reshape(len(samples), -1)[which]
+        outputs["envelope_score"][samples[known], 0] = score[known]
         of_fit: dict[str, np.ndarray] = {
             "chi_square": chi_square,
             "chi_square_limit": limit,
@@ -358,9 +362,9 @@ class NumpyCore:
             "degrees_of_freedom": of_map.degrees_of_freedom,
         }
         for name, numbers in of_fit.items():
-            found[name][here, 0] = numbers[there]
-        found["standardised_residual"][here] = z[there]
-        found["is_suspect"][here, worst[there]] = suspicious[there]
+            outputs[name][usable_samples, 0] = numbers[usable]
+        outputs["standardised_residual"][usable_samples] = z[usable]
+        outputs["is_suspect"][usable_samples, worst[usable]] = suspicious[usable]
 
     def _loads(self, of_map: LinearEstimate) -> dict[str, FloatArray]:
         """Return loads and coefficients about the moment point and for the references of the settings."""
@@ -369,18 +373,18 @@ class NumpyCore:
         transfer = np.eye(m)
         shift = of_setting[OF_STATION] - default_settings(self._map).moment_station
         transfer[3, 1] = transfer[4, 2] = shift
-        own = self._map.references
-        is_long = own != self._map.reference_area
+        references = self._map.references
+        is_long = references != self._map.reference_area
         area, length = of_setting[OF_AREA], of_setting[OF_LENGTH]
         # Coefficients of the map's references are turned as loads are, then scaled to other references.
-        scale = own / (area * np.where(is_long, length, 1.0))
-        turned = scale[:, None] * (transfer * own / own[:, None])
+        scale = references / (area * np.where(is_long, length, 1.0))
+        turned = scale[:, None] * (transfer * references / references[:, None])
         loads, covariance = of_map.loads @ transfer.T, transfer @ of_map.covariance @ transfer.T
         coefficients = of_map.coefficients @ turned.T
         of_coefficients = turned @ of_map.coefficient_covariance @ turned.T
-        std, of_std = (np.sqrt(np.diagonal(one, axis1=1, axis2=2)) for one in (covariance, of_coefficients))
+        std, of_std = (np.sqrt(np.diagonal(matrix, axis1=1, axis2=2)) for matrix in (covariance, of_coefficients))
         five, rest = FIVE_LOADS, OTHER_LOADS
-        found = {
+        outputs = {
             "loads": loads[:, five],
             "loads_std": std[:, five],
             COEFFICIENT_ARRAY: coefficients[:, five],
@@ -389,12 +393,12 @@ class NumpyCore:
             "coefficient_covariance": of_coefficients[:, five, five],
         }
         if self.outputs["other_loads"].stop > self.outputs["other_loads"].start:
-            found["other_loads"], found["other_loads_std"] = loads[:, rest], std[:, rest]
-            found["other_coefficients"], found["other_coefficients_std"] = (
+            outputs["other_loads"], outputs["other_loads_std"] = loads[:, rest], std[:, rest]
+            outputs["other_coefficients"], outputs["other_coefficients_std"] = (
                 coefficients[:, rest],
                 of_std[:, rest],
             )
-        return found
+        return outputs
 
     def restart(self) -> None:
         """Nothing is remembered."""
@@ -447,8 +451,8 @@ def _silent(readings: FloatArray, used: BoolArray, n_strain_gauges: int) -> Bool
     """
     of_gauges = used[:, :n_strain_gauges]
     loud = of_gauges & (readings[:, :n_strain_gauges] != 0.0)
-    found: BoolArray = of_gauges.any(axis=1) & ~loud.any(axis=1)
-    return found
+    silent: BoolArray = of_gauges.any(axis=1) & ~loud.any(axis=1)
+    return silent
 
 
 def _parameter_score(known: FlowParameters, values: FloatArray) -> FloatArray:
@@ -465,10 +469,10 @@ def _envelope_score(inverse_map: InverseMap, coefficients: FloatArray, covarianc
     excess = coefficients @ inverse_map.envelope_direction.T - inverse_map.envelope_limit
     score = np.zeros(len(coefficients))
     for sample in np.flatnonzero(np.any(excess > 0.0, axis=1)):
-        beyond = excess[sample] > 0.0
-        direction = inverse_map.envelope_direction[beyond]
+        is_outside = excess[sample] > 0.0
+        direction = inverse_map.envelope_direction[is_outside]
         variance = np.sum((direction @ covariance[sample]) * direction, axis=1)
-        score[sample] = np.max(excess[sample, beyond] / np.sqrt(variance))
+        score[sample] = np.max(excess[sample, is_outside] / np.sqrt(variance))
     return score
 
 

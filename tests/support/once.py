@@ -13,9 +13,9 @@ from filelock import FileLock
 
 def folder_of_run(factory: pytest.TempPathFactory) -> Path:
     """Return the temporary folder that all processes of this run have in common."""
-    own = factory.getbasetemp()
+    folder = factory.getbasetemp()
     # Of several processes, each has its folder there.
-    return own.parent if "PYTEST_XDIST_WORKER" in os.environ else own
+    return folder.parent if "PYTEST_XDIST_WORKER" in os.environ else folder
 
 
 def once(factory: pytest.TempPathFactory, name: str, make: Callable[[Path], object]) -> Path:

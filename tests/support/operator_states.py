@@ -119,12 +119,12 @@ def running_range(fmu: Path, samples: Sequence[FlownSample], record: Path | None
     port = private_port()
     with ExitStack() as stack:
         monitor = stack.enter_context(_process("monitor", "--listen", "127.0.0.1:0", "--http", "127.0.0.1:0"))
-        found = _ADDRESSES.match(_first_line(monitor))
-        assert found is not None
-        state.url = found[1]
+        address = _ADDRESSES.match(_first_line(monitor))
+        assert address is not None
+        state.url = address[1]
         recording = [] if record is None else ["--record", str(record)]
         bus_options = ("--interface", "udp_multicast", "--channel", GROUP, "--bus-option", f"port={port}")
-        entries = ("--set", f"input.cycle_time_ms={1e3 * CYCLE:g}", "--set", f"page.publish={found[2]}")
+        entries = ("--set", f"input.cycle_time_ms={1e3 * CYCLE:g}", "--set", f"page.publish={address[2]}")
         entries += ("--set", "trust.restart=accept")  # the flight is repeated
         state.bridge = stack.enter_context(_process("bridge", str(fmu), *bus_options, *entries, *recording))
         assert _first_line(state.bridge)
@@ -227,7 +227,7 @@ def _save_with_palette(path: Path) -> None:
     colours, index, counts = np.unique(pixels, return_inverse=True, return_counts=True)
     parts = np.stack((colours >> 16, colours >> 8 & 255, colours & 255), axis=-1)
     chosen = np.argsort(-counts)[:_FREQUENT].tolist()
-    distance = np.min([((parts - parts[one]) ** 2).sum(axis=1) for one in chosen], axis=0)
+    distance = np.min([((parts - parts[number]) ** 2).sum(axis=1) for number in chosen], axis=0)
     for _ in range(_OTHERS):  # whichever is farthest from all so far, so that no hue is lost
         chosen.append(int(np.argmax(distance)))
         distance = np.minimum(distance, ((parts - parts[chosen[-1]]) ** 2).sum(axis=1))

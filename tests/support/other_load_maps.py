@@ -32,7 +32,7 @@ def groups_at(stations: Sequence[float]) -> tuple[LoadGroup, ...]:
 def with_further(inverse_map: InverseMap, combination: np.ndarray = COMBINATION) -> InverseMap:
     """Return ``inverse_map``, and its tables, with other loads that are ``combination`` (7, 5) times its loads."""
 
-    def of(rows: np.ndarray) -> np.ndarray:
+    def with_more(rows: np.ndarray) -> np.ndarray:
         return combination @ rows
 
     manifold = inverse_map.manifold
@@ -41,30 +41,30 @@ def with_further(inverse_map: InverseMap, combination: np.ndarray = COMBINATION)
         manifold = _with_tables(
             manifold,
             np.einsum("fl,ijlms->ijfms", combination, manifold.response[:, :, n:]),
-            of(manifold.fixed_response[n:]),
-            of(manifold.error_load),
+            with_more(manifold.fixed_response[n:]),
+            with_more(manifold.error_load),
         )
     return _with_loads(
         inverse_map,
         STATION,
         manifold,
-        load_per_state=of(inverse_map.load_per_state),
-        load_of_mean=of(inverse_map.load_of_mean),
-        error_load=of(inverse_map.error_load),
-        fixed_load=of(inverse_map.fixed_load),
+        load_per_state=with_more(inverse_map.load_per_state),
+        load_of_mean=with_more(inverse_map.load_of_mean),
+        error_load=with_more(inverse_map.error_load),
+        fixed_load=with_more(inverse_map.fixed_load),
     )
 
 
-def with_own_further(held: InverseMap, manifold: ManifoldMap | None = None) -> InverseMap:
+def with_own_further(inverse_map: InverseMap, manifold: ManifoldMap | None = None) -> InverseMap:
     """Loads that are no combination of the five, with tables ``manifold`` of as many loads."""
-    random, errors, loads = np.random.default_rng(8), held.error_strain, held.error_load
-    size = float(np.abs(held.load_of_mean).max())
-    states = float(np.abs(held.load_per_state).max())
-    per_state = states * random.standard_normal((M, held.n_states))
+    random, errors, loads = np.random.default_rng(8), inverse_map.error_strain, inverse_map.error_load
+    size = float(np.abs(inverse_map.load_of_mean).max())
+    states = float(np.abs(inverse_map.load_per_state).max())
+    per_state = states * random.standard_normal((M, inverse_map.n_states))
     of_mean = size * random.standard_normal(M)
     random.uniform(size=M)  # not used: the golden streams are of the numbers that follow
     return _with_loads(
-        held,
+        inverse_map,
         STATIONS,
         manifold,
         load_per_state=per_state,
@@ -74,16 +74,16 @@ def with_own_further(held: InverseMap, manifold: ManifoldMap | None = None) -> I
     )
 
 
-def of_five_loads(held: InverseMap) -> InverseMap:
-    """Return ``held`` without the loads behind the five, in its tables too."""
-    manifold = held.manifold
+def of_five_loads(inverse_map: InverseMap) -> InverseMap:
+    """Return ``inverse_map`` without the loads behind the five, in its tables too."""
+    manifold = inverse_map.manifold
     if manifold is not None:
         n = manifold.n_gauges + 5
         five = {"response": manifold.response[:, :, :n], "fixed_response": manifold.fixed_response[:n]}
         manifold = replace(manifold, **five, error_load=manifold.error_load[:5])
     names = ("load_per_state", "load_of_mean", "error_load", "fixed_load")
-    rows = {name: None if getattr(held, name) is None else getattr(held, name)[:5] for name in names}
-    return replace(held, section_station=np.zeros(0), manifold=manifold, **rows)
+    rows = {name: None if getattr(inverse_map, name) is None else getattr(inverse_map, name)[:5] for name in names}
+    return replace(inverse_map, section_station=np.zeros(0), manifold=manifold, **rows)
 
 
 def _with_tables(
@@ -99,19 +99,19 @@ def _with_tables(
 
 
 def _with_loads(
-    held: InverseMap, station: np.ndarray, manifold: ManifoldMap | None, **rows: np.ndarray
+    inverse_map: InverseMap, station: np.ndarray, manifold: ManifoldMap | None, **rows: np.ndarray
 ) -> InverseMap:
-    """Return ``held``, of five loads, with ``rows`` of others behind them."""
-    joined = {name: np.concatenate([getattr(held, name), own]) for name, own in rows.items()}
-    return replace(held, section_station=station, manifold=manifold, **joined)
+    """Return ``inverse_map``, of five loads, with ``rows`` of others behind them."""
+    joined = {name: np.concatenate([getattr(inverse_map, name), more]) for name, more in rows.items()}
+    return replace(inverse_map, section_station=station, manifold=manifold, **joined)
 
 
-def with_further_tables(held: InverseMap) -> InverseMap:
-    """Return ``held``, of :func:`flight_fmu.whole_map`, with :func:`with_own_further` and tables of other loads.
+def with_further_tables(inverse_map: InverseMap) -> InverseMap:
+    """Return ``inverse_map``, of :func:`flight_fmu.whole_map`, with :func:`with_own_further` and their tables.
 
     The rolling moment is that of a body of revolution; the torsion follows cosines and sines of every harmonic.
     """
-    random, manifold = np.random.default_rng(9), held.manifold
+    random, manifold = np.random.default_rng(9), inverse_map.manifold
     assert manifold is not None
     factors = np.zeros((M, 3, 2))
     rows = 1 + np.arange(6 * len(STATIONS)).reshape(6, -1)
@@ -122,4 +122,6 @@ def with_further_tables(held: InverseMap) -> InverseMap:
     for load, phase in ((1, 0), (2, 1), (3, 0), (4, 1)):
         factors[rows[load], 1, phase] = sizes[load]
     errors = 1e-2 * factors.reshape(M, -1) @ random.normal(size=(6, manifold.error_strain.shape[1]))
-    return with_own_further(held, _with_tables(manifold, table_coefficients(factors), 1.0 + np.arange(M), errors))
+    return with_own_further(
+        inverse_map, _with_tables(manifold, table_coefficients(factors), 1.0 + np.arange(M), errors)
+    )

@@ -34,10 +34,10 @@ def result(quality: Quality = Quality.VALID, value: float = 0.5, **further: Any)
 
 def altered(result: Result, **changed: Any) -> Result:
     """Return a result with what is ``changed``."""
-    other = copy(result)
+    duplicate = copy(result)
     for name, value in changed.items():
-        setattr(other, name, value)
-    return other
+        setattr(duplicate, name, value)
+    return duplicate
 
 
 OUTSIDE = {"health": 7, "mach_number": 6.02, "altitude": 20_100.0, "other_outputs": {ENVELOPE_SCORE: 4.26}}

@@ -22,8 +22,8 @@ def with_parameter_tables(inverse_map: InverseMap, size: float = 0.02) -> Invers
 
     Cubes of the first parameter, squares of the second, nothing of the last.
     """
-    random, held = np.random.default_rng(12), with_parameters(inverse_map)
-    manifold = held.manifold
+    random, with_known = np.random.default_rng(12), with_parameters(inverse_map)
+    manifold = with_known.manifold
     assert manifold is not None
     response = manifold.response
     error = np.vstack([manifold.error_strain, manifold.error_load[:5]])
@@ -47,7 +47,7 @@ def with_parameter_tables(inverse_map: InverseMap, size: float = 0.02) -> Invers
         spread_error=rows[:, None] * random.normal(size=(len(powers.mean), len(rows), 9)),
         error=error,
     )
-    return replace(held, manifold=replace(manifold, parameters=tables))
+    return replace(with_known, manifold=replace(manifold, parameters=tables))
 
 
 def with_errors_of_parameters(inverse_map: InverseMap) -> InverseMap:

@@ -20,9 +20,9 @@ NARROWER = ("Nehalem", "Haswell")
 def program(*names: str, install: str) -> str:
     """The first of the programs that is installed."""
     for name in names:
-        found = shutil.which(name) or (name if os.access(name, os.X_OK) else None)
-        if found is not None:
-            return found
+        path = shutil.which(name) or (name if os.access(name, os.X_OK) else None)
+        if path is not None:
+            return path
     return pytest.skip(f"needs {names[0]}: {install}")
 
 

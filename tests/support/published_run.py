@@ -36,13 +36,13 @@ class PublishedRun:
 def columns(content: bytes) -> dict[str, np.ndarray]:
     """Columns of a table; arrays, whose elements are separated by blanks, element by element."""
     names, *rows = csv.reader(io.StringIO(content.decode()))
-    found = {}
+    table = {}
     for name, column in zip(names, zip(*rows, strict=True), strict=True):
         values = np.array([cell.split() for cell in column], dtype=float)
         array = Variable(name=name, description="", causality="output", dimension=values.shape[1])
         elements = array_elements(array) if is_array(name, values.shape[1]) else (name,)
-        found |= dict(zip(elements, values.T, strict=True))
-    return found
+        table |= dict(zip(elements, values.T, strict=True))
+    return table
 
 
 def is_array(name: str, size: int) -> bool:
@@ -70,20 +70,20 @@ def check_published_run(fmu: Path, *, has_air_data: bool) -> PublishedRun:
     assert bad[-1] < n - 1
     assert len(bad) == bad[-1] - bad[0] + 1
     assert len(bad) <= 0.3 * n
-    found = np.isin(state, [HealthState.INCONSISTENT, HealthState.SUSPECT])
-    assert found.sum() >= 5
-    assert len(set(suspect[found])) == 1
-    assert suspect[found][0] > 0.0
-    assert set(suspect[~found]) == {0.0}
+    is_suspicious = np.isin(state, [HealthState.INCONSISTENT, HealthState.SUSPECT])
+    assert is_suspicious.sum() >= 5
+    assert len(set(suspect[is_suspicious])) == 1
+    assert suspect[is_suspicious][0] > 0.0
+    assert set(suspect[~is_suspicious]) == {0.0}
     # What is neither is the return of the nonlinear estimator to its tables.
-    assert set(state[bad][found[bad].argmin() :]) <= {HealthState.DEGRADED, *state[found]}
+    assert set(state[bad][is_suspicious[bad].argmin() :]) <= {HealthState.DEGRADED, *state[is_suspicious]}
     worst = 0.0
     for name in COEFFICIENTS:
         error = np.abs(run.outputs[name] - run.truth[name]) / run.outputs[f"sigma.{name}"]
         assert np.all(error[state == HealthState.OK] < LARGEST_ERROR), name
         worst = max(worst, float(error[state == HealthState.OK].max()))
     assert np.ptp(run.outputs["C_N"]) > 5.0 * np.median(run.outputs["sigma.C_N"])
-    _check_page(run, found, worst)
+    _check_page(run, is_suspicious, worst)
     return run
 
 
@@ -108,17 +108,20 @@ def _check_flight(run: PublishedRun, has_air_data: bool) -> None:
         assert np.abs(np.diff(run.truth[name])).max() < 0.3 * np.ptp(run.truth[name]) + 1e-12, name
 
 
-def _check_page(run: PublishedRun, found: np.ndarray, worst: float) -> None:
+def _check_page(run: PublishedRun, is_suspicious: np.ndarray, worst: float) -> None:
     """The text of the page is that of the files."""
     text = re.sub(r"<[^>]+>", " ", run.page)
     time, gauge = run.truth["time"], int(run.outputs["health.suspect_gauge"].max())
-    first, last = time[np.flatnonzero(found)[[0, -1]]]
-    states = ", ".join(HealthState(int(one)).name for one in sorted(set(run.outputs["health.state"][found])))
+    n_good, n_ok = (~is_suspicious).sum(), (run.outputs["health.state"] == HealthState.OK).sum()
+    first, last = time[np.flatnonzero(is_suspicious)[[0, -1]]]
+    states = ", ".join(
+        HealthState(int(state)).name for state in sorted(set(run.outputs["health.state"][is_suspicious]))
+    )
     for words in (
         f"From {first:g} to {last:g} s (shaded)",
         f"number {gauge}, reads",
         f"health.state is then {states}, and health.suspect_gauge {gauge}.",
-        f"In {int((run.outputs['health.state'] == HealthState.OK).sum())} of the {int((~found).sum())} samples",
+        f"In {n_ok} of the {n_good} samples",
         f"is {worst:.1f} sigma",
     ):
         assert words in text, words

@@ -132,7 +132,7 @@ def random_model(
 def map_of(model: GaussianModel, name: str = "vehicle") -> InverseMap:
     """The finished map of ``model``."""
     n_gauges = len(model.a)
-    own, error_strain, error_load = model.columns()
+    covariance, error_strain, error_load = model.columns()
     return InverseMap(
         vehicle=name,
         case=2 if model.gamma > 0.0 else 1,
@@ -141,7 +141,7 @@ def map_of(model: GaussianModel, name: str = "vehicle") -> InverseMap:
         gauge_direction=np.tile([1.0, 0.0, 0.0], (n_gauges, 1)),
         noise_std=np.sqrt(np.diag(model.noise_covariance)),
         state_operator=model.a,
-        gauge_covariance=own,
+        gauge_covariance=covariance,
         error_strain=error_strain,
         error_load=error_load,
         regularisation=model.gamma,

@@ -16,8 +16,8 @@ NAMES = [f"G{i}" for i in range(N_GAUGES)]
 def samples(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return time (n,) [s], strains (n, n_d) [m/m] and q_inf (n,) [Pa]."""
     flown = flight(n)
-    strain = np.array([one.strain for one in flown])
-    return 1e-3 * np.arange(n), strain, np.array([one.dynamic_pressure for one in flown])
+    strain = np.array([sample.strain for sample in flown])
+    return 1e-3 * np.arange(n), strain, np.array([sample.dynamic_pressure for sample in flown])
 
 
 def write_csv(path: Path, headings: list[str], *columns: np.ndarray) -> Path:

@@ -30,7 +30,7 @@ def mdf3(groups: Sequence[tuple[np.ndarray, Sequence[Mdf3Channel]]]) -> bytes:
     struct.pack_into("<8s8s8s4H", file, 0, b"MDF     ", b"3.30    ", b"by hand ", 0, 0, 330, 1252)
     heads = []
     for time, channels in groups:
-        raw = [np.round((one.values - one.offset) / one.factor).astype("<i2") for one in channels]
+        raw = [np.round((channel.values - channel.offset) / channel.factor).astype("<i2") for channel in channels]
         names = [f"c{i}" for i in range(len(raw))]
         record = np.dtype([("t", "<f8"), *((name, "<i2") for name in names)])
         data = np.zeros(len(time), record)
@@ -39,9 +39,9 @@ def mdf3(groups: Sequence[tuple[np.ndarray, Sequence[Mdf3Channel]]]) -> bytes:
             data[name] = values
         at_data = _add(file, data.tobytes())
         after = 0
-        for i, one in reversed(list(enumerate(channels))):
-            conversion = _conversion(file, one.unit, 0, one.offset, one.factor)
-            after = _channel(file, after, conversion, 0, one.name, 64 + 16 * i, 16, 1)
+        for i, channel in reversed(list(enumerate(channels))):
+            conversion = _conversion(file, channel.unit, 0, channel.offset, channel.factor)
+            after = _channel(file, after, conversion, 0, channel.name, 64 + 16 * i, 16, 1)
         after = _channel(file, after, _conversion(file, "s", 65535), 1, "time", 0, 64, 3)
         cg = struct.pack("<2sH3I3HI", b"CG", 26, 0, after, 0, 0, 1 + len(raw), record.itemsize, len(time))
         heads.append((_add(file, cg), at_data))
@@ -55,9 +55,9 @@ def mdf3(groups: Sequence[tuple[np.ndarray, Sequence[Mdf3Channel]]]) -> bytes:
 
 def _add(file: bytearray, block: bytes) -> int:
     """Append a block; return its position."""
-    at = len(file)
+    address = len(file)
     file += block
-    return at
+    return address
 
 
 def _conversion(file: bytearray, unit: str, kind: int, *parameters: float) -> int:
@@ -112,23 +112,26 @@ def lvm(
         wide = x_columns == "Multi"
 
         def above(tag: str, cells: Sequence[object], is_wide: bool = wide) -> str:
-            return line(tag, *(one for cell in cells for one in ((cell, "") if is_wide else (cell,))))
+            return line(tag, *(text for cell in cells for text in ((cell, "") if is_wide else (cell,))))
 
         if number_of == 0 or headings == "Yes":
-            lines += [line("Channels", len(channels)), above("Samples", [len(one[2]) for one in channels])]
+            lines += [line("Channels", len(channels)), above("Samples", [len(channel[2]) for channel in channels])]
             lines += [above("Date", ["2026/03/01"] * len(channels)), above("Time", [start] * len(channels))]
-            lines += [above("Y_Unit_Label", [one[1] for one in channels])]
+            lines += [above("Y_Unit_Label", [channel[1] for channel in channels])]
             lines += [above("X_Dimension", ["Time"] * len(channels))]
-            lines += [above("X0", [number(one[2][0]) for one in channels])]
-            lines += [above("Delta_X", [number(one[2][1] - one[2][0]) for one in channels]), "***End_of_Header***"]
-            heads = [cell for one in channels for cell in (("X_Value", one[0]) if wide else (one[0],))]
+            lines += [above("X0", [number(channel[2][0]) for channel in channels])]
+            lines += [
+                above("Delta_X", [number(channel[2][1] - channel[2][0]) for channel in channels]),
+                "***End_of_Header***",
+            ]
+            heads = [cell for channel in channels for cell in (("X_Value", channel[0]) if wide else (channel[0],))]
             lines += [line(*(heads if wide else ["X_Value", *heads]), "Comment")]
-        longest = max((one[2] for one in channels), key=len)
+        longest = max((channel[2] for channel in channels), key=len)
         for row in range(len(longest)):
             cells = [] if wide else [number(longest[row]) if x_columns == "One" else ""]
             for _, _, x, values in channels:
-                held = (number(x[row]), number(values[row])) if row < len(x) else ("", "")
-                cells += held if wide else held[1:]
+                pair = (number(x[row]), number(values[row])) if row < len(x) else ("", "")
+                cells += pair if wide else pair[1:]
             lines += [line(*cells, "a comment" if row == 0 else "")]
         lines += [between] if headings == "Yes" else []
     return "\r\n".join(lines)

@@ -110,8 +110,8 @@ def tdms_waveform(folder: Path) -> Files:
         for i, values in enumerate(_bridge(strain).T)
     ]
     slow = {"wf_increment": 5e-3, "wf_start_time": start, "wf_start_offset": 0.0, "unit_string": "kPa"}
-    held = 1e-3 * (pressure[0] + (pressure[1] - pressure[0]) * np.arange(0.0, N + 1.0, 5.0))
-    objects.append(nptdms.ChannelObject("air", "q", held, slow))
+    slow_pressure = 1e-3 * (pressure[0] + (pressure[1] - pressure[0]) * np.arange(0.0, N + 1.0, 5.0))
+    objects.append(nptdms.ChannelObject("air", "q", slow_pressure, slow))
     with nptdms.TdmsWriter(folder / "d.tdms") as writer:
         writer.write_segment(objects)
     return folder / "d.tdms", channels_toml(folder, BRIDGE + FLOW, PORTS, **_bridge_zeros())
@@ -121,13 +121,13 @@ def tdms_time(folder: Path) -> Files:
     """A channel of time in ms, volts with a scale."""
     nptdms = __import__("nptdms")
     time, strain, pressure = flown()
-    held = {
+    channels = {
         "Time": 1e3 * time,
         **dict(zip(PORTS, 1e6 * (strain + ZERO).T / 400.0, strict=True)),
         "q": 1e-3 * pressure,
     }
     with nptdms.TdmsWriter(folder / "d.tdms") as writer:
-        writer.write_segment([nptdms.ChannelObject("g", name, values) for name, values in held.items()])
+        writer.write_segment([nptdms.ChannelObject("g", name, values) for name, values in channels.items()])
     head = f"time.unit = 'ms'\n[defaults]\nunit = 'V'\nscale_um_per_m_per_V = 400\nzero = {1e6 * ZERO / 400.0}\n"
     return folder / "d.tdms", channels_toml(folder, head + FLOW, PORTS)
 
@@ -207,10 +207,10 @@ def parquet_arrow(folder: Path) -> Files:
     arrow = __import__("pyarrow")
     parquet = __import__("pyarrow.parquet").parquet
     time, strain, pressure = flown()
-    held = {"t": (1e6 * time, "us"), "q": (1e-3 * pressure, "kPa")}
-    held |= {port: (1e3 * (strain[:, i] + ZERO), "mm/m") for i, port in enumerate(PORTS)}
-    schema = arrow.schema([arrow.field(n, arrow.float64(), metadata={"unit": u}) for n, (_, u) in held.items()])
-    parquet.write_table(arrow.table([v for v, _ in held.values()], schema=schema), folder / "d.parquet")
+    columns = {"t": (1e6 * time, "us"), "q": (1e-3 * pressure, "kPa")}
+    columns |= {port: (1e3 * (strain[:, i] + ZERO), "mm/m") for i, port in enumerate(PORTS)}
+    schema = arrow.schema([arrow.field(n, arrow.float64(), metadata={"unit": u}) for n, (_, u) in columns.items()])
+    parquet.write_table(arrow.table([v for v, _ in columns.values()], schema=schema), folder / "d.parquet")
     return folder / "d.parquet", channels_toml(folder, f"[defaults]\nzero = 0.15\n{FLOW}", PORTS)
 
 
@@ -219,10 +219,10 @@ def mf4_rasters(folder: Path) -> Files:
     asammdf = __import__("asammdf")
     time, strain, pressure = flown()
     mdf = asammdf.MDF(version="4.10")
-    seen = quarter_ratio(strain * 350.0 / 353.0) + quarter_ratio(np.array(ZERO))
-    mdf.append([asammdf.Signal(v, time, name=n, unit="mV/V") for n, v in zip(PORTS, seen.T, strict=True)])
-    at = np.append(time[::5], time[-1])
-    mdf.append([asammdf.Signal(1e-3 * np.interp(at, time, pressure), at, name="q", unit="kPa")])
+    signal = quarter_ratio(strain * 350.0 / 353.0) + quarter_ratio(np.array(ZERO))
+    mdf.append([asammdf.Signal(v, time, name=n, unit="mV/V") for n, v in zip(PORTS, signal.T, strict=True)])
+    slow_time = np.append(time[::5], time[-1])
+    mdf.append([asammdf.Signal(1e-3 * np.interp(slow_time, time, pressure), slow_time, name="q", unit="kPa")])
     mdf.save(folder / "d.mf4")
     mdf.close()
     head = BRIDGE + "wires = 2\nlead_resistance_ohm = 1.5\ngauge_resistance_ohm = 350\n" + FLOW
@@ -230,8 +230,8 @@ def mf4_rasters(folder: Path) -> Files:
 
 
 RECORDINGS: dict[str, Callable[[Path], Files]] = {
-    one.__name__: one
-    for one in (
+    writer.__name__: writer
+    for writer in (
         *(csv_by_hand, csv_pandas, csv_mach, tdms_waveform, tdms_time, hdf5_groups, hdf5_matrix),
         *(mat_old, mat_new, parquet_pandas, parquet_arrow, mf4_rasters),
     )

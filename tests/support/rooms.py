@@ -55,8 +55,8 @@ def rows(heading: str, text: str | None = None) -> list[Row]:
 def files() -> tuple[Path, ...]:
     """Return the files that count, by their paths in the project."""
     paths = (path for tree in TREES for path in (ROOT / tree).rglob("*") if path.suffix in SUFFIXES)
-    kept = (path.relative_to(ROOT) for path in paths if not HEADERS_OF_FMI.fullmatch(path.name))
-    return tuple(sorted(path for path in kept if "__pycache__" not in path.parts and "build" not in path.parts))
+    counted = (path.relative_to(ROOT) for path in paths if not HEADERS_OF_FMI.fullmatch(path.name))
+    return tuple(sorted(path for path in counted if "__pycache__" not in path.parts and "build" not in path.parts))
 
 
 @cache
@@ -72,7 +72,7 @@ def tree_of(path: Path) -> ast.Module:
 def room_of(path: Path, rooms: frozenset[str]) -> str | None:
     """Return the longest name among ``rooms`` that is the file or a folder above it."""
     above = [path, *path.parents]
-    return next((one.as_posix() for one in above if one.as_posix() in rooms), None)
+    return next((parent.as_posix() for parent in above if parent.as_posix() in rooms), None)
 
 
 def lines_of_rooms(rooms: frozenset[str]) -> Counter[str | None]:
@@ -110,13 +110,13 @@ def circles() -> list[set[str]]:
     graph = imports()
 
     def reached(start: str) -> set[str]:
-        seen, waiting = set[str](), [*graph[start]]
+        visited, waiting = set[str](), [*graph[start]]
         while waiting:
             module = waiting.pop()
-            if module not in seen:
-                seen.add(module)
+            if module not in visited:
+                visited.add(module)
                 waiting += graph[module]
-        return seen
+        return visited
 
     all_reached = {name: reached(name) for name in graph}
     groups = {frozenset(b for b in all_reached[a] if a in all_reached[b]) for a in graph if a in all_reached[a]}

@@ -30,7 +30,7 @@ def scaled_map(
     if errors is not None:
         error = np.hstack([error, _mean_errors(errors)])
         error_load = np.hstack([error_load, np.zeros((5, error.shape[1] - error_load.shape[1]))])
-    own = (1e-6**2) * (np.diag(rng.uniform(0.5, 2.0, n)) + 0.1)
+    covariance = (1e-6**2) * (np.diag(rng.uniform(0.5, 2.0, n)) + 0.1)
     load_per_state, mean = 400.0 * rng.standard_normal((5, n_states)), 1e-4 * rng.standard_normal(n)
     fields: dict[str, Any] = {
         "vehicle": "random",
@@ -38,9 +38,9 @@ def scaled_map(
         "gauge_names": tuple(f"g{i}" for i in range(n)),
         "gauge_position": rng.standard_normal((n, 3)),
         "gauge_direction": np.tile([1.0, 0.0, 0.0], (n, 1)),
-        "noise_std": np.sqrt(np.diag(own)),
+        "noise_std": np.sqrt(np.diag(covariance)),
         "state_operator": states,
-        "gauge_covariance": own,
+        "gauge_covariance": covariance,
         "error_strain": error,
         "error_load": error_load,
         "regularisation": 0.0 if case == 1 else 1.0,

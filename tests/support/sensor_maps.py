@@ -30,13 +30,13 @@ LARGEST = 0.01
 def sensor_rows(n_strains: int) -> SensorRows:
     """Return what the rows of ``n_strains`` gauges and :data:`ROWS` measure."""
     kinds, units, scale, thrust = zip(*ROWS.values(), strict=True)
-    ones = np.ones(n_strains)
+    unit = np.ones(n_strains)
     return SensorRows(
         kind=(*(STRAIN,) * n_strains, *kinds),
         unit=(*("m/m",) * n_strains, *units),
-        scale=np.concatenate([ones, scale]),
-        largest=np.concatenate([ones, LARGEST * np.array(scale)]),
-        thrust_response=np.concatenate([0.0 * ones, thrust]),
+        scale=np.concatenate([unit, scale]),
+        largest=np.concatenate([unit, LARGEST * np.array(scale)]),
+        thrust_response=np.concatenate([0.0 * unit, thrust]),
     )
 
 

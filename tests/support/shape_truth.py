@@ -15,12 +15,12 @@ from strainfmu.flight_condition import FlightCondition
 
 def beam(surface: SurfaceMesh) -> ShapeStructure:
     """Return the beam of the map on ``surface``; what displaced gauges read more is a tenth of it per unit."""
-    own = shape_structure(surface)
-    z_p = own.strain_operator("four_rows")
+    structure = shape_structure(surface)
+    z_p = structure.strain_operator("four_rows")
     share = 0.1 * np.random.default_rng(2).standard_normal((WAYS - 1, N_D, 1))
     return ShapeStructure(
-        names=own.layouts["four_rows"].names,
-        position=own.layouts["four_rows"].position,
+        names=structure.layouts["four_rows"].names,
+        position=structure.layouts["four_rows"].position,
         operator=np.concatenate([z_p[None], share * z_p]),
         surface=surface,
     )

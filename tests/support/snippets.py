@@ -61,14 +61,14 @@ def pages() -> list[Path]:
 
 def snippets(page: Path) -> list[Snippet]:
     """Return the blocks of ``page`` that are run, written to a file, or marked."""
-    found, marks = [], ("run", "")
+    blocks, marks = [], ("run", "")
     fence, language, start, lines, follows = "", "", 0, [], False
     for number, line in enumerate(page.read_text(encoding="utf-8").splitlines(), start=1):
         if fence:
             if line.strip() == fence:
                 if language == "text" and follows and marks == ("run", ""):
-                    found[-1] = replace(found[-1], output="\n".join(lines) + "\n")
-                found.append(_snippet(page, start, language, lines, marks))
+                    blocks[-1] = replace(blocks[-1], output="\n".join(lines) + "\n")
+                blocks.append(_snippet(page, start, language, lines, marks))
                 fence, marks, follows = "", ("run", ""), language in RUN
             else:
                 lines.append(line)
@@ -80,7 +80,7 @@ def snippets(page: Path) -> list[Snippet]:
             marks = (mark["kind"], mark["value"])
         elif line.strip() and not line.startswith("<!--"):
             marks, follows = ("run", ""), False
-    return [snippet for snippet in found if snippet.language in RUN or snippet.kind != "run"]
+    return [snippet for snippet in blocks if snippet.language in RUN or snippet.kind != "run"]
 
 
 def _snippet(page: Path, line: int, language: str, lines: list[str], marks: tuple[str, str]) -> Snippet:

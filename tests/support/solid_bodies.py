@@ -88,11 +88,11 @@ def swept_meridian(meridian: MeridianMesh, n_sectors: int) -> SweptSector:
         The mesh reaches the axis, or there are too few sectors.
     """
     edges = meridian.element[:, EDGE_NODES].reshape(-1, 3)
-    held = {
+    supports = {
         name: edges[np.isin(edges, nodes).all(axis=1)]
         for name, nodes in ((SUPPORT, meridian.clamped_node), (GUIDED, meridian.guided_node))
     }
-    named = {EXTERNAL: meridian.outer_edge, INTERNAL: meridian.inner_edge, **held}
+    named = {EXTERNAL: meridian.outer_edge, INTERNAL: meridian.inner_edge, **supports}
     return sweep(meridian.node, meridian.element, named, n_sectors)
 
 
@@ -143,12 +143,12 @@ def harmonic_field(
     phase = np.exp(1j * harmonic * np.arctan2(place[:, 1], place[:, 2]))
     wave = phase[:, None] * pressure.reshape(len(place), -1)
     force = pressure_operator(sector, EXTERNAL).harmonic(harmonic) @ wave
-    held = np.zeros((sector.n_nodes, 3), dtype=bool)
+    fixed = np.zeros((sector.n_nodes, 3), dtype=bool)
     if GUIDED in sector.surface:
-        held[surface_nodes(sector, GUIDED), 0] = True
+        fixed[surface_nodes(sector, GUIDED), 0] = True
     if SUPPORT in sector.surface:
-        held[surface_nodes(sector, SUPPORT)] = True
-    free = np.flatnonzero(~held.ravel())
+        fixed[surface_nodes(sector, SUPPORT)] = True
+    free = np.flatnonzero(~fixed.ravel())
     amplitude = np.zeros((sector.n_dof, wave.shape[1]), dtype=complex)
     matrix = csr_array(stiffness)[free][:, free].astype(complex).tocsc()
     amplitude[free] = splu(matrix, permc_spec="MMD_AT_PLUS_A").solve(force[free])

@@ -38,14 +38,14 @@ class Starting:
             self.fmu.setInteger(reference, [int(value)])
 
     def outputs(self) -> dict[str, float]:
-        found = {}
+        values = {}
         for name in self.stated:
             variable = self.variables[name]
             kind = {"Real": self.fmu.getReal, "Boolean": self.fmu.getBoolean}.get(
                 variable.type, self.fmu.getInteger
             )
-            found[name] = float(kind([variable.valueReference])[0])
-        return found
+            values[name] = float(kind([variable.valueReference])[0])
+        return values
 
     def changed_by(self, name: str, values: tuple[float, ...], start: float) -> set[str]:
         """The outputs that another value of a variable changes."""
@@ -58,5 +58,5 @@ class Starting:
         return changed
 
 
-def _equal(one: float, other: float) -> bool:
-    return one == other or (np.isnan(one) and np.isnan(other))
+def _equal(first: float, second: float) -> bool:
+    return first == second or (np.isnan(first) and np.isnan(second))

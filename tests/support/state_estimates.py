@@ -22,24 +22,24 @@ class StateModel(Protocol):
     def mean_strain(self) -> np.ndarray: ...
 
 
-def state_gain(held: StateModel) -> np.ndarray:
+def state_gain(state: StateModel) -> np.ndarray:
     """(n_q, n_d) T."""
-    model = state_model(held.state_operator, held.noise_covariance, held.regularisation)
+    model = state_model(state.state_operator, state.noise_covariance, state.regularisation)
     return nominal(model).gain
 
 
-def state_offset(held: StateModel) -> np.ndarray:
+def state_offset(model: StateModel) -> np.ndarray:
     """(n_q,) k = -T m."""
-    return np.asarray(-state_gain(held) @ held.mean_strain)
+    return np.asarray(-state_gain(model) @ model.mean_strain)
 
 
-def precision_of(held: StateModel) -> np.ndarray:
+def precision_of(model: StateModel) -> np.ndarray:
     """(n_d, n_d) P of d - m, whatever gamma: the prior of states is standard normal, or they are free."""
-    of_prior = float(held.regularisation > 0.0)
-    return nominal(state_model(held.state_operator, held.noise_covariance, of_prior)).precision
+    of_prior = float(model.regularisation > 0.0)
+    return nominal(state_model(model.state_operator, model.noise_covariance, of_prior)).precision
 
 
-def load_gain_of(held: StateModel, load_per_state: np.ndarray, cross: np.ndarray | None = None) -> np.ndarray:
+def load_gain_of(model: StateModel, load_per_state: np.ndarray, cross: np.ndarray | None = None) -> np.ndarray:
     """(n_f, n_d) G of loads per state (n_f, n_q), ``cross`` (n_d, n_f) their covariance with strain."""
-    operator, noise = held.state_operator, held.noise_covariance
-    return nominal(state_model(operator, noise, held.regularisation, load_per_state, cross)).gain
+    operator, noise = model.state_operator, model.noise_covariance
+    return nominal(state_model(operator, noise, model.regularisation, load_per_state, cross)).gain

@@ -36,5 +36,5 @@ def with_temperature(inverse_map: InverseMap, **changes: Any) -> InverseMap:
     """``inverse_map`` with modes, whose prior joins its gauges' covariance."""
     thermal = thermal_part(inverse_map.gauge_covariance, **changes)
     modes = thermal.linear_strain * thermal.prior_std
-    own = thermal.isothermal_covariance + modes @ modes.T
-    return replace(with_gauge_covariance(inverse_map, own), thermal=thermal)
+    covariance = thermal.isothermal_covariance + modes @ modes.T
+    return replace(with_gauge_covariance(inverse_map, covariance), thermal=thermal)

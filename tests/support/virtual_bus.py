@@ -32,26 +32,26 @@ def transmit(frame: Frame) -> bytes:
 
 def operations(content: bytes) -> Iterator[tuple[int, bytes]]:
     """Code and arguments of each operation."""
-    at = 0
-    while at < len(content):
-        code, length = (int.from_bytes(content[at + k : at + k + 4], "little") for k in (0, 4))
-        assert 8 <= length <= len(content) - at
-        yield code, content[at + 8 : at + length]
-        at += length
+    position = 0
+    while position < len(content):
+        code, length = (int.from_bytes(content[position + k : position + k + 4], "little") for k in (0, 4))
+        assert 8 <= length <= len(content) - position
+        yield code, content[position + 8 : position + length]
+        position += length
 
 
 def frames_in(content: bytes, time: float) -> list[Frame]:
     """The frames among operations."""
-    found = []
+    frames = []
     for code, a in operations(content):
         if code in (CAN, CAN_FD):
             head = 9 if code == CAN_FD else 8
             key = {"identifier": int.from_bytes(a[:4], "little"), "is_extended": a[4] != 0}
             assert int.from_bytes(a[head - 2 : head], "little") == len(a) - head
-            found.append(
+            frames.append(
                 Frame(**key, data=a[head:], time=time, is_fd=code == CAN_FD, bitrate_switch=code == CAN_FD)
             )
-    return found
+    return frames
 
 
 class Node(Protocol):
@@ -158,7 +158,7 @@ class Network:
 
     def __init__(self, nodes: Mapping[str, FmuNode], links: Sequence[tuple[Place, Place]], step: float) -> None:
         self.nodes, self.time, self._step = nodes, 0.0, step
-        self._peer = {one: other for a, b in links for one, other in ((a, b), (b, a))}
+        self._peer = {first: second for a, b in links for first, second in ((a, b), (b, a))}
         self.events: list[tuple[float, str, bool]] = []
         self.taps: list[tuple[float, Place, bytes]] = []
 
@@ -174,7 +174,7 @@ class Network:
 
     def _event(self) -> None:
         """All ticks of this time: first everything is sent, then heard."""
-        active = {name for name, one in self.nodes.items() if one.needs_event or one.due <= self.time + 1e-12}
+        active = {name for name, node in self.nodes.items() if node.needs_event or node.due <= self.time + 1e-12}
         for name in active:
             self.nodes[name].fmu.enterEventMode()
         carried: list[tuple[Place, bytes]] = []
@@ -199,7 +199,9 @@ class Network:
 
     def sent_by(self, place: Place) -> list[Frame]:
         """The frames that a port has sent, with their times."""
-        return [one for time, sender, content in self.taps if sender == place for one in frames_in(content, time)]
+        return [
+            frame for time, sender, content in self.taps if sender == place for frame in frames_in(content, time)
+        ]
 
     def heard_by(self, place: Place) -> list[Frame]:
         return self.sent_by(self._peer[place])
@@ -216,7 +218,7 @@ class Sender:
         """Nothing happens between events."""
 
     def event(self, time: float, heard: Sequence[bytes], ticks: bool) -> bytes:
-        self.heard += [(time, one) for one in heard]
+        self.heard += [(time, content) for content in heard]
         if not ticks:
             return b""
         frames = self.frames(self._cycle, time)

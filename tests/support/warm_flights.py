@@ -10,22 +10,22 @@ from flight_fmu import FlightSample, random_flight, whole_map
 from strainfmu.estimator.map.inverse_map import InverseMap
 
 
-def warm_flight(held: InverseMap, steps: int, seed: int, time_step: float) -> list[FlightSample]:
-    """Samples of ``held``, of which the modes' amplitudes decay within a second; sensors have constant errors.
+def warm_flight(inverse_map: InverseMap, steps: int, seed: int, time_step: float) -> list[FlightSample]:
+    """Samples of ``inverse_map``, of which the modes' amplitudes decay within a second; sensor errors are constant.
 
     ``time_step`` [s] lies between two of them.
     """
-    thermal, random = held.thermal, np.random.default_rng(seed)
+    thermal, random = inverse_map.thermal, np.random.default_rng(seed)
     start = thermal.prior_std * random.standard_normal(len(thermal.prior_std))
     amplitude = np.exp(-time_step * np.arange(steps))[:, None] * start
     error = thermal.sensor_std * random.standard_normal(thermal.n_sensors)
     temperature = thermal.reference_temperature + amplitude @ thermal.sensor_operator.T + error
     cold = random_flight(whole_map(), steps, seed)
     rise = amplitude @ thermal.gauge_operator.T
-    apparent = sum(one * rise ** (k + 1) for k, one in enumerate(thermal.apparent_strain))
-    by_load = np.array([one.strain for one in cold]) / (1.0 + thermal.modulus_slope * rise)
+    apparent = sum(row * rise ** (k + 1) for k, row in enumerate(thermal.apparent_strain))
+    by_load = np.array([sample.strain for sample in cold]) / (1.0 + thermal.modulus_slope * rise)
     strain = (1.0 + thermal.gauge_factor_slope * rise) * (by_load + amplitude @ thermal.mode_strain.T + apparent)
     return [
-        replace(one, strain=warm, temperature=sensors)
-        for one, warm, sensors in zip(cold, strain, temperature, strict=True)
+        replace(sample, strain=warm, temperature=sensors)
+        for sample, warm, sensors in zip(cold, strain, temperature, strict=True)
     ]
