@@ -11,7 +11,7 @@ from strainfmu.estimator.map.inverse_map import InverseMap
 
 
 def warm_flight(inverse_map: InverseMap, steps: int, seed: int, time_step: float) -> list[FlightSample]:
-    """Samples of ``inverse_map``, of which the modes' amplitudes decay within a second; sensor errors are constant.
+    """Samples of ``inverse_map``, of which the modes' amplitudes decay in a second; sensor errors are constant.
 
     ``time_step`` [s] lies between two of them.
     """
