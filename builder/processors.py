@@ -21,8 +21,8 @@ def peak_memory() -> int:
         import resource
     except ImportError:  # Windows
         return 0
-    held = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return int(held if sys.platform == "darwin" else 1024 * held)
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return int(peak if sys.platform == "darwin" else 1024 * peak)
 
 
 def one_thread_of_blas() -> AbstractContextManager[object]:

@@ -112,8 +112,8 @@ def load_key(path: Path) -> AuthenticationKey:
     digits = b"".join(content.split())
     if not re.fullmatch(rb"[0-9A-Fa-f]{32}", digits):
         are_hex = re.fullmatch(rb"[0-9A-Fa-f]*", digits) is not None
-        found = f"{len(digits)} of them" if are_hex else f"{len(digits)} characters, not all of them such digits"
-        raise InputError(f"{path}: expected a key of AES-128, 32 hexadecimal digits, got {found}")
+        actual = f"{len(digits)} of them" if are_hex else f"{len(digits)} characters, not all of them such digits"
+        raise InputError(f"{path}: expected a key of AES-128, 32 hexadecimal digits, got {actual}")
     return AuthenticationKey(bytes.fromhex(digits.decode()))
 
 
@@ -159,8 +159,8 @@ def is_authentic(data: bytes, secured: Secured, key: AuthenticationKey, freshnes
 
 def authenticator_of(head: bytes, secured: Secured, key: AuthenticationKey, freshness: int) -> bytes:
     """Return the truncated authenticator of the authentic bytes ``head``."""
-    whole = secured.data_id.to_bytes(2, "big") + head + freshness.to_bytes(8, "big")
-    return key.mac(whole)[:AUTHENTICATOR_BYTES]
+    message = secured.data_id.to_bytes(2, "big") + head + freshness.to_bytes(8, "big")
+    return key.mac(message)[:AUTHENTICATOR_BYTES]
 
 
 # --- freshness of the frames of one sender -----------------------------------------------------------------------
@@ -246,29 +246,29 @@ def load_freshness(path: Path, key: AuthenticationKey) -> int | None:
     """
     check_private(path)
     try:
-        found = json.loads(path.read_text())
+        stored = json.loads(path.read_text())
     except FileNotFoundError:
         return None
     except OSError as error:
         raise InputError(f"{path}: could not be read: {error.strerror or error}") from error
     except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: damaged: no JSON; without it a recording passes for the sender") from error
-    numbers = _numbers(found)
+    numbers = _numbers(stored)
     if numbers is None:
         raise InputError(f"{path}: expected the format '{FORMAT}', version {VERSION}, with trip and message")
-    if found.get("key_check_value") != key.check_value:
+    if stored.get("key_check_value") != key.check_value:
         raise InputError(
-            f"{path}: is of another key, check value {str(found.get('key_check_value'))[:20]!r}, not "
+            f"{path}: is of another key, check value {str(stored.get('key_check_value'))[:20]!r}, not "
             f"{key.check_value!r}; state another file as input.freshness"
         )
     return freshness_of(*numbers)
 
 
-def _numbers(found: Any) -> tuple[int, int] | None:
+def _numbers(stored: Any) -> tuple[int, int] | None:
     """Return trip and message counter of the content of a file, None of another content."""
-    if not isinstance(found, dict) or (found.get("format"), found.get("version")) != (FORMAT, VERSION):
+    if not isinstance(stored, dict) or (stored.get("format"), stored.get("version")) != (FORMAT, VERSION):
         return None
-    trip, message = found.get("trip"), found.get("message")
+    trip, message = stored.get("trip"), stored.get("message")
     if type(trip) is not int or type(message) is not int:
         return None
     limit = 1 << MESSAGE_BITS

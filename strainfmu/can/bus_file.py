@@ -138,7 +138,7 @@ class BusDescription:
 
 
 def read_bus(
-    path: Path | None, settings: Sequence[str] = (), given: Mapping[str, Any] | None = None
+    path: Path | None, settings: Sequence[str] = (), option_values: Mapping[str, Any] | None = None
 ) -> BusDescription:
     """Return the bus that a file, ``--set`` and other options of the command line describe, the last one first.
 
@@ -146,7 +146,7 @@ def read_bus(
     ----------
     path : the file, None for none.
     settings : texts of ``--set``, "table.entry=value" with a value of TOML, or a text without quotes.
-    given : values of other options by "table.entry", None where they were not given.
+    option_values : values of other options by "table.entry", None where they were not given.
 
     Raises
     ------
@@ -163,7 +163,7 @@ def read_bus(
     for text in settings:
         name, value = _setting(text)
         checked[name] = _checked(name, value, f"--set {name}", Path())
-    for name, value in (given or {}).items():
+    for name, value in (option_values or {}).items():
         if value is not None:
             checked[name] = value
     where = "--set" if path is None else str(path)
@@ -226,7 +226,7 @@ def _checked(name: str, value: Any, where: str, folder: Path) -> Any:
     if entry.kind == "label" and isinstance(value, str | int) and not isinstance(value, bool):
         return str(value)
     if entry.kind == "values" and isinstance(value, dict):
-        return tuple(f"{key}={_plain(one)}" for key, one in value.items())
+        return tuple(f"{key}={_plain(entry)}" for key, entry in value.items())
     is_number = isinstance(value, int) or (entry.kind == "number" and isinstance(value, float))
     if entry.kind in ("number", "whole") and is_number and not isinstance(value, bool):
         if not isfinite(value) or not entry.low <= value <= entry.high:
@@ -270,19 +270,19 @@ def _description(checked: Mapping[str, Any]) -> BusDescription:
     """Return the description of checked values by "table.entry"."""
     stated: dict[str, Any] = {}
     identifiers: dict[str, Any] = {}
-    own: dict[str, Any] = {}
+    sections: dict[str, Any] = {}
     for name, value in checked.items():
         table, _, entry = name.partition(".")
         sets = TABLES[table][entry].sets
         if sets.startswith("identifiers."):
             identifiers[sets.partition(".")[2]] = value
         elif sets in BusDescription.__dataclass_fields__:
-            own[sets] = value
+            sections[sets] = value
         elif not (sets == "cycle_time" and "input.dbc" in checked):  # the mapping's, which states it
             stated[sets] = value
     if identifiers:
         stated["identifiers"] = identifiers
-    return BusDescription(stated=stated, **own)
+    return BusDescription(stated=stated, **sections)
 
 
 def bus_template(gauge_names: Sequence[str]) -> str:

@@ -91,8 +91,8 @@ def bridge(
     InputError, StrainfmuError
         A file or an entry is wrong, the interface cannot be opened, or the bridge fails.
     """
-    given = _of_bus(interface, channel, option, profile) | {"record.file": record}
-    described = read_bus(_path(bus), settings, given)
+    option_values = _of_bus(interface, channel, option, profile) | {"record.file": record}
+    described = read_bus(_path(bus), settings, option_values)
     options, say = described.options(), say or (lambda line: None)
     check_outputs({"fmu": fmu, "bus": bus, "record": described.record, "zeros": options.zeros})
     with observed_bridge(
@@ -104,8 +104,8 @@ def bridge(
         publish_field=described.publish_field,
         publish_token=described.publish_token,
     ) as observed:
-        layout, at = observed.bridge.machine.layout, f"{options.interface}:{options.channel}"
-        say(f"{fmu}: {layout.n_gauges} gauges, {layout.name}; {at}; stop with Ctrl-C")
+        layout, on_bus = observed.bridge.machine.layout, f"{options.interface}:{options.channel}"
+        say(f"{fmu}: {layout.n_gauges} gauges, {layout.name}; {on_bus}; stop with Ctrl-C")
         for line in observed.start_lines:
             say(line)
         observed.bridge.say = say
@@ -204,8 +204,8 @@ def send(
     """
     if (plant is None) == (data is None):
         raise InputError(f"DATA, --plant: expected one of them, got {'none' if plant is None else 'both'}")
-    given = _of_bus(interface, channel, option, profile) | {"input.gauges": _path(gauges)}
-    described = read_bus(_path(bus), settings, given)
+    option_values = _of_bus(interface, channel, option, profile) | {"input.gauges": _path(gauges)}
+    described = read_bus(_path(bus), settings, option_values)
     options, source = described.options(), described.gauges
     if source is None:
         raise InputError("--map: expected the map or FMU of the gauges, or input.gauges of the bus file, got none")
@@ -235,15 +235,15 @@ def send(
         say(VIRTUAL_TEXT)
     with samples as opened:
         limited = islice(opened, round(duration / layout.cycle_time))
-        found = _send(
+        outcome = _send(
             settings_of_bus, options, layout, samples=limited, tare_at=described.tare_at, stopped=stopped
         )
     if report is not None:
-        score = found.score
+        score = outcome.score
         if score is None or (score.published and not score.has_errors):
             raise InputError("--report: no results with a known truth, nothing to report")
         write_bytes_atomically(Path(report), json.dumps(asdict(score), indent=1).encode())
-    return found
+    return outcome
 
 
 def replay(

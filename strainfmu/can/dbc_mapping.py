@@ -57,7 +57,10 @@ _OF_UNIT = {
     "rad/s2": (UNITS_OF["rad/s2"], "a unit of angular acceleration", ""),
 }
 _OF_STRAIN = (STRAIN_UNITS, "a unit of strain", "1")
-_UNITS_OF = {one.name: _OF_STRAIN if one.shown in STRAIN_UNITS else _OF_UNIT[one.unit] for one in SAMPLE_INPUTS}
+_UNITS_OF = {
+    sample_input.name: _OF_STRAIN if sample_input.shown in STRAIN_UNITS else _OF_UNIT[sample_input.unit]
+    for sample_input in SAMPLE_INPUTS
+}
 """Units of a quantity of the flow, what they are, and the unit of a signal without one."""
 
 _NO_VALUE = re.compile(
@@ -176,18 +179,22 @@ def mapped_layout(
     readings = dict(readings or {})
     numbered = [temperature_name(k) for k in range(1, len(sensor_names) + 1)]
     by_name, std_by_name = (
-        {one.partition(".")[2]: one for one in names} for names in (parameter_names, parameter_std_names)
+        {name.partition(".")[2]: name for name in names} for names in (parameter_names, parameter_std_names)
     )
-    others = {
+    other_tables = {
         TEMPERATURE: ("sensor", dict(zip(sensor_names, numbered, strict=True))),
-        "sensors": ("sensor", {one.removeprefix(SENSOR_PREFIX): one for one in readings if one != THRUST}),
+        "sensors": ("sensor", {name.removeprefix(SENSOR_PREFIX): name for name in readings if name != THRUST}),
         "parameter": ("name", by_name),
     }
-    stds = {by_name[name]: one for name, one in std_by_name.items() if name in by_name}
+    stds = {by_name[name]: deviation for name, deviation in std_by_name.items() if name in by_name}
     stds |= {quantity: std for quantity, std in FLOW_STDS.items() if std in flow_names}
     mapped = tuple(name for name in MAPPED_QUANTITIES if name in flow_names)
     mapper = _Mapper(
-        *(database, mapping, gauge_names, name), others=others, stds=stds, mapped=mapped, readings=readings
+        *(database, mapping, gauge_names, name),
+        other_tables=other_tables,
+        stds=stds,
+        mapped=mapped,
+        readings=readings,
     )
     return mapper.layout()
 
@@ -209,7 +216,7 @@ class _Mapper:
         mapping: Mapping[str, Any],
         gauge_names: Sequence[str],
         name: str,
-        others: Mapping[str, tuple[str, Mapping[str, str]]],
+        other_tables: Mapping[str, tuple[str, Mapping[str, str]]],
         stds: Mapping[str, str],
         mapped: Sequence[str],
         readings: Mapping[str, str],
@@ -219,8 +226,8 @@ class _Mapper:
         self._gauges = {gauge: index for index, gauge in enumerate(gauge_names)}
         self._gauges |= {f"strain[{index + 1}]": index for index in range(len(gauge_names))}
         self._others = {
-            table: (kind, {**inputs, **{one: one for one in inputs.values()}})
-            for table, (kind, inputs) in others.items()
+            table: (kind, {**inputs, **{name: name for name in inputs.values()}})
+            for table, (kind, inputs) in other_tables.items()
         }
         self._stds, self._mapped, self._readings = stds, mapped, readings
         self._constants: dict[str, float] = {}
@@ -244,8 +251,8 @@ class _Mapper:
         gauges = [index for items in by_message.values() for index, _ in items]
         for index, gauge in enumerate(self._names):
             if gauges.count(index) != 1:
-                found = "none" if index not in gauges else f"{gauges.count(index)}"
-                raise self._refusal(STRAIN, f"expected one signal for gauge '{gauge}', got {found}")
+                number = "none" if index not in gauges else f"{gauges.count(index)}"
+                raise self._refusal(STRAIN, f"expected one signal for gauge '{gauge}', got {number}")
         frames = tuple(self._strain_frame(*key, items) for key, items in sorted(by_message.items(), key=_by_name))
         timed = [frame.sample_time is not None for frame in frames]
         if any(timed) and not all(timed):
@@ -263,8 +270,8 @@ class _Mapper:
                 raise self._refusal(frame.flow[0].quantity, text)
         for table in ("sample_time", "status", "configuration", "end_to_end", "period_ms"):
             self._check_keys(table, "frame", self._frames_in_use)
-        held = "frame of q_inf, navigation, temperatures, sensors, thrust, parameters or slow strains"
-        self._check_keys("timeout_ms", held, self._with_timeout)
+        what = "frame of q_inf, navigation, temperatures, sensors, thrust, parameters or slow strains"
+        self._check_keys("timeout_ms", what, self._with_timeout)
         self._check_keys("units", "signal", self._signals_with_unit)
         return InputLayout(
             name=self._name,
@@ -301,8 +308,8 @@ class _Mapper:
         Those of a frame that is slower than the cycle [s] are held for two of its own periods.
         """
         by_frame: dict[tuple[str, int | None], list[tuple[str, Any]]] = {}
-        others = (pair for table in self._others for pair in self._other_paths(table))
-        for quantity, path in (*self._flow_paths(), *others):
+        other_paths = (pair for table in self._others for pair in self._other_paths(table))
+        for quantity, path in (*self._flow_paths(), *other_paths):
             message, signal = self._signal(path, quantity)
             by_frame.setdefault((message.name, self._selector_value(signal)), []).append((quantity, signal))
         frames = [self._flow_frame(*key, items) for key, items in _with_every_page(by_frame).items()]
@@ -356,7 +363,7 @@ class _Mapper:
         if selector is not None:
             switch = self._switch(message, signals, where)
             multiplexer = signal_layout(switch), selector
-            pages = len({number for one in message.signals for number in one.multiplexer_ids or ()})
+            pages = len({number for entry in message.signals for number in entry.multiplexer_ids or ()})
             signals = [*signals, *([] if switch in signals else [switch])]
         layouts = [signal_layout(signal, with_names=signal in measured) for signal in signals]
         if (index := indices.get("configuration")) is not None:
@@ -382,8 +389,8 @@ class _Mapper:
         names = sorted({signal.multiplexer_signal for signal in signals if signal.multiplexer_ids})
         switch = message.get_signal_by_name(names[0])
         if len(names) > 1 or switch.multiplexer_ids:
-            found = ", ".join(names if len(names) > 1 else [str(switch.multiplexer_signal), switch.name])
-            raise InputError(f"{where}: multiplexers {found} found, one allowed")
+            switches = ", ".join(names if len(names) > 1 else [str(switch.multiplexer_signal), switch.name])
+            raise InputError(f"{where}: multiplexers {switches} found, one allowed")
         return switch
 
     def _extras(self, message: Any, selector: int | None, first: int) -> tuple[list[Any], dict[str, int]]:
@@ -403,9 +410,9 @@ class _Mapper:
             if signal.is_float or signal.is_signed or (role == "sample_time" and signal.length < 8):
                 raise self._refusal(where, "expected an unsigned integer of 8 to 64 bits")
             if signal.multiplexer_ids and selector not in signal.multiplexer_ids:
-                own = "the frame itself" if selector is None else f"multiplexer value {selector}"
+                place = "the frame itself" if selector is None else f"multiplexer value {selector}"
                 values = ", ".join(map(str, signal.multiplexer_ids))
-                text = f"expected a signal of {own}, got '{path}', which comes with multiplexer value {values}"
+                text = f"expected a signal of {place}, got '{path}', which comes with multiplexer value {values}"
                 raise self._refusal(where, text)
             indices[role] = first + len(signals)
             signals.append(signal)
@@ -429,11 +436,11 @@ class _Mapper:
         """Return the one "Message.Signal" of a name that fits a pattern such as "Rack*.*"."""
         paths = [f"{message.name}.{signal_name}" for message in self._database.messages]
         known = {f"{m.name}.{signal.name}" for m in self._database.messages for signal in m.signals}
-        found = [path for path in paths if path in known and fnmatchcase(path, pattern)]
-        if len(found) != 1:
+        matches = [path for path in paths if path in known and fnmatchcase(path, pattern)]
+        if len(matches) != 1:
             text = f"expected one signal {pattern} of the name {signal_name} for gauge '{gauge}', got "
-            raise self._refusal(f"strain, '{_OTHERS}'", text + (", ".join(found) or "none"))
-        return found[0]
+            raise self._refusal(f"strain, '{_OTHERS}'", text + (", ".join(matches) or "none"))
+        return matches[0]
 
     def _gauge(self, gauge: str) -> int:
         if gauge not in self._gauges:
@@ -446,7 +453,7 @@ class _Mapper:
 
     def _flow_paths(self) -> list[tuple[str, Any]]:
         """Return the quantities of the flow that are mapped, and "Message.Signal" of each."""
-        found: dict[str, Any] = {}
+        signals: dict[str, Any] = {}
         taken = {name: name in self._mapped for name in MAPPED_QUANTITIES} | {THRUST: THRUST in self._readings}
         for quantity in (*FLOW_QUANTITIES, *taken):
             table = self._table(quantity, optional=True)
@@ -459,9 +466,9 @@ class _Mapper:
             if quantity == Q_SOURCE and "value" in table:
                 self._constants[quantity] = self._source(table)
                 continue
-            found[quantity], deviation = self._signal_and_std(quantity, quantity, table)
-            found |= deviation
-        return list(found.items())
+            signals[quantity], deviation = self._signal_and_std(quantity, quantity, table)
+            signals |= deviation
+        return list(signals.items())
 
     def _source(self, table: Mapping[str, Any]) -> float:
         """Return the number of the source of the dynamic pressure that ``table`` names for the whole run."""
@@ -473,7 +480,7 @@ class _Mapper:
 
     def _other_paths(self, table: str) -> list[tuple[str, Any]]:
         """Return the inputs of the estimator that ``table`` maps, and "Message.Signal" of each."""
-        found: dict[str, Any] = {}
+        signals: dict[str, Any] = {}
         kind, inputs = self._others[table]
         for stated, entry in self._table(table, optional=True).items():
             # A sensor of a map may have a name that no input of an FMU can have.
@@ -482,11 +489,11 @@ class _Mapper:
                 known = ", ".join(inputs)[:200] or f"none, the estimator has no {_ABSENT[table]}"
                 raise self._refusal(table, f"expected a {kind} ({known}), got '{stated}'")
             quantity = inputs[name]
-            if quantity in found:
+            if quantity in signals:
                 raise self._refusal(table, f"expected one signal for '{stated}', got 2")
-            found[quantity], deviation = self._signal_and_std(f"{table}.{stated}", quantity, entry)
-            found |= deviation
-        return list(found.items())
+            signals[quantity], deviation = self._signal_and_std(f"{table}.{stated}", quantity, entry)
+            signals |= deviation
+        return list(signals.items())
 
     def _signal_and_std(self, where: str, quantity: str, entry: Any) -> tuple[Any, dict[str, str]]:
         """Return "Message.Signal" of an entry, and its standard deviation's by input; a number is kept."""
@@ -540,16 +547,16 @@ class _Mapper:
     def _message(self, name: str, where: str) -> Any:
         """Return the only frame of that name; no other frame may have its identifier."""
         known = self._database.messages
-        found = [message for message in known if message.name == name]
-        if not found:
+        matches = [message for message in known if message.name == name]
+        if not matches:
             raise self._refusal(where, f"no frame '{name}' in the DBC file")
-        message = found[0]
-        if len(found) > 1:
-            raise self._refusal(where, f"expected one frame '{name}' in the DBC file, got {len(found)}")
-        for other in known:
-            same = (other.frame_id, other.is_extended_frame) == (message.frame_id, message.is_extended_frame)
-            if same and other is not message:
-                both = f"both '{name}' and '{other.name}' in the DBC file"
+        message = matches[0]
+        if len(matches) > 1:
+            raise self._refusal(where, f"expected one frame '{name}' in the DBC file, got {len(matches)}")
+        for second in known:
+            same = (second.frame_id, second.is_extended_frame) == (message.frame_id, message.is_extended_frame)
+            if same and second is not message:
+                both = f"both '{name}' and '{second.name}' in the DBC file"
                 raise self._refusal(where, f"identifier 0x{message.frame_id:X} belongs to {both}")
         if name not in self._checked:
             try:
@@ -685,11 +692,11 @@ class _Mapper:
         """
         message = frame.layout.name.partition("[")[0]
         self._with_timeout.add(message)
-        stated, own = self._milliseconds("timeout_ms", message), frame.layout.cycle_time
+        stated, period = self._milliseconds("timeout_ms", message), frame.layout.cycle_time
         if stated is None:
-            return None if own is None else periods * own
-        if not stated > 0.0 or stated < (own or 0.0):
-            least = "a positive number" if own is None else f"at least its period of {1e3 * own:g}"
+            return None if period is None else periods * period
+        if not stated > 0.0 or stated < (period or 0.0):
+            least = "a positive number" if period is None else f"at least its period of {1e3 * period:g}"
             raise self._refusal(f"timeout_ms.{message}", f"expected {least}, got {1e3 * stated:g}")
         return stated
 
@@ -727,9 +734,9 @@ class _Mapper:
                     f"{1e3 * cycle_time:g} ms; state cycle_time_ms = {_ms(frame)[:-3]}, or its true period under "
                     "[period_ms]",
                 )
-        held = {frame.layout.name for frame in slow}
+        slow_names = {frame.layout.name for frame in slow}
         return tuple(
-            replace(frame, hold=self._timeout(frame, _PERIODS_HELD)) if frame.layout.name in held else frame
+            replace(frame, hold=self._timeout(frame, _PERIODS_HELD)) if frame.layout.name in slow_names else frame
             for frame in frames
         )
 

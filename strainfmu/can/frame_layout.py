@@ -22,10 +22,14 @@ NAVIGATION = FLOW_QUANTITIES[1:]
 
 Only q_inf is needed. Temperatures are ``temperature[k]``, see :func:`temperature_name`."""
 
-MAPPED_QUANTITIES = tuple(one.name for one in SAMPLE_INPUTS if one.name not in FLOW_INPUTS and not one.is_std)
+MAPPED_QUANTITIES = tuple(
+    sample_input.name
+    for sample_input in SAMPLE_INPUTS
+    if sample_input.name not in FLOW_INPUTS and not sample_input.is_std
+)
 """Quantities, such as p_inf, that a mapping alone gives."""
 
-FLOW_STDS = {one.name.removesuffix(STD): one.name for one in AIR_INPUTS if one.is_std}
+FLOW_STDS = {air_input.name.removesuffix(STD): air_input.name for air_input in AIR_INPUTS if air_input.is_std}
 """The input for the standard deviation of each quantity that has one; only a mapping gives these."""
 
 _TEMPERATURE = "temperature["
@@ -247,8 +251,8 @@ class InputLayout:
 
     def __post_init__(self) -> None:
         trailer = () if self.trailer is None else (self.trailer,)
-        others = tuple(frame for frame in (self.command, self.state) if frame is not None)
-        object.__setattr__(self, "frames", (*self.strain_frames, *trailer, *self.flow_frames, *others))
+        more_frames = tuple(frame for frame in (self.command, self.state) if frame is not None)
+        object.__setattr__(self, "frames", (*self.strain_frames, *trailer, *self.flow_frames, *more_frames))
 
     @property
     def cycle_length(self) -> int:

@@ -72,8 +72,8 @@ class LoadListener:
             ready = self._stack.enter_context(open_step(Path(estimator), options.zeros))
             step, names = ready.step, ready.gauge_names
         else:
-            held = estimator.inverse_map
-            step, names = MapStep(estimator), tuple(held.gauge_names[: held.n_strain_gauges])
+            inverse_map = estimator.inverse_map
+            step, names = MapStep(estimator), tuple(inverse_map.gauge_names[: inverse_map.n_strain_gauges])
             if options.zeros is not None:
                 step.set_zeros(load_zeros(options.zeros, names))
         taps = Taps(clock=time.monotonic, on_result=on_result)

@@ -34,30 +34,32 @@ def load_description(path: Path) -> dict[str, Any] | None:
     InputError
         It is damaged or of another version.
     """
-    beside = sidecar(path)
-    if not beside.is_file():
+    sidecar_path = sidecar(path)
+    if not sidecar_path.is_file():
         return None
     try:
-        found = json.loads(beside.read_text())
-        if found.get("version") != SIDECAR_VERSION:
-            raise InputError(f"{beside}: expected version {SIDECAR_VERSION}, got {found.get('version')}")
-        return {**found, **_run(found), "options": _options(found["options"])}
+        description = json.loads(sidecar_path.read_text())
+        if description.get("version") != SIDECAR_VERSION:
+            raise InputError(
+                f"{sidecar_path}: expected version {SIDECAR_VERSION}, got {description.get('version')}"
+            )
+        return {**description, **_run(description), "options": _options(description["options"])}
     except KeyError as error:
-        raise InputError(f"{beside}: damaged: no entry {error}") from error
+        raise InputError(f"{sidecar_path}: damaged: no entry {error}") from error
     except (ValueError, TypeError, AttributeError, OverflowError, RecursionError) as error:
-        raise InputError(f"{beside}: damaged: {error_line(error)[:200]}") from error
+        raise InputError(f"{sidecar_path}: damaged: {error_line(error)[:200]}") from error
 
 
-def _run(found: Mapping[str, Any]) -> dict[str, Any]:
+def _run(description: Mapping[str, Any]) -> dict[str, Any]:
     """Return the entries of a description about the run itself, times in s; raise if one is of another kind."""
-    run: dict[str, Any] = {name: _checked(name, found[name], str) for name in ("fmu", "fmu_sha256")}
-    run |= {name: _checked(name, found[name], float) for name in ("start", "log_start")}
-    run["end"] = _checked("end", found.get("end"), float | None)
-    run["freshness"] = _checked("freshness", found.get("freshness"), int | None)
-    run["first_result"] = _checked("first_result", found.get("first_result", 0), int)
-    run["lost"] = _checked("lost", found.get("lost", 0), int)
+    run: dict[str, Any] = {name: _checked(name, description[name], str) for name in ("fmu", "fmu_sha256")}
+    run |= {name: _checked(name, description[name], float) for name in ("start", "log_start")}
+    run["end"] = _checked("end", description.get("end"), float | None)
+    run["freshness"] = _checked("freshness", description.get("freshness"), int | None)
+    run["first_result"] = _checked("first_result", description.get("first_result", 0), int)
+    run["lost"] = _checked("lost", description.get("lost", 0), int)
     for name in ("skips", "unanswered"):
-        run[name] = [(_checked(name, a, float), _checked(name, b, float)) for a, b in found.get(name, ())]
+        run[name] = [(_checked(name, a, float), _checked(name, b, float)) for a, b in description.get(name, ())]
     return run
 
 
@@ -68,23 +70,23 @@ def _checked(name: str, value: Any, kind: Any) -> Any:
         value = float(value)
     is_bool = isinstance(value, bool) and bool not in kinds
     if is_bool or not isinstance(value, kinds) or (isinstance(value, float) and not isfinite(value)):
-        allowed = " or ".join("null" if one is type(None) else one.__name__ for one in kinds)
+        allowed = " or ".join("null" if kind is type(None) else kind.__name__ for kind in kinds)
         raise ValueError(f"entry '{name}': expected {allowed}, got {str(value)[:40]!r}")
     return value
 
 
 def plain_options(options: BridgeOptions) -> dict[str, Any]:
     """Return the options as JSON holds them; files by their whole path, none of their content."""
-    held = asdict(options)
+    values = asdict(options)
     for name in _FILES:
-        held[name] = None if held[name] is None else str(Path(held[name]).resolve())
-    return held
+        values[name] = None if values[name] is None else str(Path(values[name]).resolve())
+    return values
 
 
-def _options(held: Mapping[str, Any]) -> BridgeOptions:
+def _options(values: Mapping[str, Any]) -> BridgeOptions:
     """Return the options that :func:`plain_options` gave; raise if one is missing or of another kind."""
-    numbers = _checked("identifiers", held["identifiers"], dict)
-    texts = _checked("bus_options", held["bus_options"], list)
+    numbers = _checked("identifiers", values["identifiers"], dict)
+    texts = _checked("bus_options", values["bus_options"], list)
     options: dict[str, Any] = {
         "identifiers": Identifiers(
             **{name: _checked(name, numbers[name], kind) for name, kind in _kinds(Identifiers)}
@@ -92,11 +94,11 @@ def _options(held: Mapping[str, Any]) -> BridgeOptions:
         "bus_options": tuple(_checked("bus_options", text, str) for text in texts),
     }
     for name in _FILES:
-        text = _checked(name, held.get(name), str | None)
+        text = _checked(name, values.get(name), str | None)
         options[name] = None if text is None else Path(text)
     for name, kind in _kinds(BridgeOptions):
-        if name not in options and name in held:
-            options[name] = _checked(name, held[name], kind)
+        if name not in options and name in values:
+            options[name] = _checked(name, values[name], kind)
     return BridgeOptions(**options)
 
 

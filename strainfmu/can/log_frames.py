@@ -66,8 +66,8 @@ def is_bus_log(path: Path) -> bool:
         return kind in READABLE and not (is_text and is_table(path))
     with opened_mdf(path) as file:
         groups = [group for group in file.groups if group.channel_group.cycles_nr]
-        held = [any(channel.name.startswith("CAN_") for channel in group.channels) for group in groups]
-        return FRAME_CHANNEL in file.channels_db and all(held)
+        are_of_bus = [any(channel.name.startswith("CAN_") for channel in group.channels) for group in groups]
+        return FRAME_CHANNEL in file.channels_db and all(are_of_bus)
 
 
 def log_kind(path: Path) -> str:
@@ -196,22 +196,22 @@ def _plain_frames(lines: Iterator[str]) -> Iterator[Any]:
     """Yield the messages of a log of candump without -L."""
     can = import_can()
     for line in lines:
-        if not (found := _PLAIN.match(line)):
+        if not (fields := _PLAIN.match(line)):
             if line.strip():
                 raise ValueError(line)
             continue
-        word, is_remote = int(found["id"], 16), found["data"] == "remote request"
+        word, is_remote = int(fields["id"], 16), fields["data"] == "remote request"
         yield can.Message(
-            timestamp=float(found["time"]),
-            channel=found["channel"],
+            timestamp=float(fields["time"]),
+            channel=fields["channel"],
             arbitration_id=word & _LARGEST_IDENTIFIER,
-            is_extended_id=len(found["id"]) > 3,
+            is_extended_id=len(fields["id"]) > 3,
             is_error_frame=bool(word & _ERROR_FRAME),
             is_remote_frame=is_remote,
-            is_fd=len(found["length"]) == 2,
-            is_rx=found["way"] != "TX",
-            dlc=int(found["length"]),
-            data=b"" if is_remote else bytes.fromhex(found["data"]),
+            is_fd=len(fields["length"]) == 2,
+            is_rx=fields["way"] != "TX",
+            dlc=int(fields["length"]),
+            data=b"" if is_remote else bytes.fromhex(fields["data"]),
             check=True,
         )
 
@@ -284,10 +284,10 @@ def _check_mf4(path: Path) -> None:
                 f"{path}: expected a log of a CAN bus, with the channel {FRAME_CHANNEL}, got other channels"
             )
         for group, _ in file.channels_db[FRAME_CHANNEL]:
-            found = file.groups[group].channel_group
-            source = found.acq_source
+            channel_group = file.groups[group].channel_group
+            source = channel_group.acq_source
             is_can = source is not None and source.source_type & _BUS and source.bus_type == _CAN
-            if not found.flags & _BUS_EVENT or not is_can:
+            if not channel_group.flags & _BUS_EVENT or not is_can:
                 raise InputError(
                     f"{path}: channel group {group}: {FRAME_CHANNEL} is not marked as an event of a CAN bus"
                 )

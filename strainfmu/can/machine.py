@@ -232,8 +232,8 @@ class Machine:
         self._at = pointer(plan.record), pointer(self._state)
         library.sb_begin(*self._at, ctypes.c_double(start))
         bytes_of = self._state.view(np.uint8)
-        at, n, n_flow = PLACES["parts"], layout.n_gauges, len(plan.quantities)
-        parts = bytes_of[at : at + 32].view(np.int32).tolist()
+        offset, n, n_flow = PLACES["parts"], layout.n_gauges, len(plan.quantities)
+        parts = bytes_of[offset : offset + 32].view(np.int32).tolist()
 
         def part(place: int, kind: Any, count: int) -> Any:
             return bytes_of[place : place + np.dtype(kind).itemsize * count].view(kind)
@@ -358,10 +358,12 @@ class Machine:
         """Return which of the expected frames have come, in words."""
         names = dict[int, list[str]]()
         for frame in self.plan.frames:
-            own = frame.layout
-            names.setdefault(self._slots[own.key], []).append(f"0x{own.identifier:X} {own.name}")
-        heard = sum(len(own) for slot, own in names.items() if slot in self.heard)
-        missing = [name for slot, own in names.items() if slot not in self.heard for name in own]
+            frame_layout = frame.layout
+            names.setdefault(self._slots[frame_layout.key], []).append(
+                f"0x{frame_layout.identifier:X} {frame_layout.name}"
+            )
+        heard = sum(len(frame_names) for slot, frame_names in names.items() if slot in self.heard)
+        missing = [name for slot, frame_names in names.items() if slot not in self.heard for name in frame_names]
         return f"expected frames: {heard} heard; never heard: {', '.join(missing) or 'none'}"
 
     # --- one frame, one result -----------------------------------------------------------------------------------
@@ -405,7 +407,7 @@ class Machine:
             is_finite = _is_finite(step)
         self._time.value = time if self._now is None else max(self._now(), time)
         is_sent = self._answer(*self._at, self._at_time, health, is_finite)
-        time, arrival, age, uncertainty, held, *_, causes, quality, usable, _ = self._result()
+        time, arrival, age, uncertainty, lag, *_, causes, quality, usable, _ = self._result()
         result = _new(Result)
         result.time, result.quality = time, _QUALITIES[quality]
         result.causes = Cause(causes) if causes else Cause.NONE
@@ -413,7 +415,7 @@ class Machine:
         result.dynamic_pressure = pressure if not silent else nan
         result.mach_number, result.altitude = navigation[MACH_NUMBER], navigation[ALTITUDE]
         result.other_inputs, result.gap = known, nan
-        result.age, result.age_uncertainty, result.held, result.arrival = age, uncertainty, held, arrival
+        result.age, result.age_uncertainty, result.held, result.arrival = age, uncertainty, lag, arrival
         result.sample_time = None if sample_time < 0 else sample_time
         result.counter = None if counter < 0 else counter
         result.chi_square, result.health, result.other_outputs = nan, None, {}
@@ -432,7 +434,9 @@ class Machine:
 _new = object.__new__
 
 
-def _check_input(layout: InputLayout, step: Step, own: frozenset[int], dynamic_pressure: float | None) -> None:
+def _check_input(
+    layout: InputLayout, step: Step, own_keys: frozenset[int], dynamic_pressure: float | None
+) -> None:
     """Refuse an input without q_inf or key where one is needed, and identifiers of both input and results."""
     if layout.frame_of(DYNAMIC_PRESSURE) is None and dynamic_pressure is None and needs_pressure(step):
         raise InputError(f"{layout.name}: no frame holds the dynamic pressure; state it by --dynamic-pressure")
@@ -441,7 +445,7 @@ def _check_input(layout: InputLayout, step: Step, own: frozenset[int], dynamic_p
             f"dynamic pressure: expected a positive number up to {LARGEST_DYNAMIC_PRESSURE:g} Pa, "
             f"got {dynamic_pressure:g} Pa"
         )
-    if common := own & {frame.layout.key for frame in layout.frames}:
+    if common := own_keys & {frame.layout.key for frame in layout.frames}:
         raise InputError(
             f"identifier 0x{min(common) & 0x1FFFFFFF:X}: is both input and result; choose another base"
         )
@@ -467,7 +471,7 @@ class _Stepper:
         strain: FloatArray,
         pressure: float,
         navigation: dict[str, float],
-        others: dict[str, float],
+        other_inputs: dict[str, float],
         valid: BoolArray,
         now: float,
     ) -> Any:
@@ -475,7 +479,7 @@ class _Stepper:
         taken = {name: navigation[name] for name in self._navigation}
         mask = (valid.tobytes(),) if self._takes_mask else ()
         try:
-            return self._step(strain, pressure, self._size(now), *mask, **others, **taken)
+            return self._step(strain, pressure, self._size(now), *mask, **other_inputs, **taken)
         except StepRefused:
             return None
 

@@ -129,7 +129,9 @@ def observed_bridge(
     names = tuple(position.name for position in positions)
     field = None if publish_field is None else field_messages(publish_field, names)
     on_result = [] if also is None else [also]
-    of_zeros = [one for one in (on_zeros, None if field is None else field.set_zeros) if one is not None]
+    of_zeros = [
+        listener for listener in (on_zeros, None if field is None else field.set_zeros) if listener is not None
+    ]
 
     def use_zeros(zeros: GaugeZeros) -> None:
         for watcher in of_zeros:
@@ -159,8 +161,8 @@ def observed_bridge(
         outputs = (ENVELOPE_SCORE, OTHER_LOAD_OUTPUTS, *(() if address is None else PAGE_OUTPUTS))
         step = stack.enter_context(FmuStep(fmu, inputs, outputs))
         if options.zeros is not None:
-            step.set_zeros(given := load_zeros(options.zeros, step.gauge_names))
-            use_zeros(given)
+            step.set_zeros(new_zeros := load_zeros(options.zeros, step.gauge_names))
+            use_zeros(new_zeros)
         listener, taring, freshness = live_listener(stack, step, options, step.gauge_names, taps)
         zeros = None
         if taring is not None:

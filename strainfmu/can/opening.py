@@ -66,9 +66,9 @@ def bus_settings(interface: str, channel: str, options: Iterable[str]) -> BusSet
             chosen[key.strip()] = words[text.lower()] if text.lower() in words else int(text, 0)
         except ValueError:
             chosen[key.strip()] = text
-    stated, others = known_bus_options(interface) if chosen else (None, set())
+    stated, other_options = known_bus_options(interface) if chosen else (None, set())
     for name in chosen:
-        if stated is not None and name not in stated | others:
+        if stated is not None and name not in stated | other_options:
             known = ", ".join(sorted(stated))
             raise InputError(f"--bus-option: expected an option of {interface} ({known}), got '{name}'")
     return BusSettings(interface=interface, channel=channel, options=chosen)
@@ -83,20 +83,22 @@ def known_bus_options(interface: str) -> tuple[set[str] | None, set[str]]:
     can = import_can()
     module, name = can.interfaces.BACKENDS.get(interface, ("", ""))
     try:
-        classes = [one for one in getattr(import_module(module), name).__mro__ if one.__module__ not in _OF_PYTHON]
-        sources = [inspect.getsource(import_module(one.__module__)) for one in classes]
+        classes = [
+            base for base in getattr(import_module(module), name).__mro__ if base.__module__ not in _OF_PYTHON
+        ]
+        sources = [inspect.getsource(import_module(base.__module__)) for base in classes]
     except Exception:  # each vendor's driver is missing in its own way; opening it reports why
         return None, set()
-    if not all(one.__module__.startswith("can.") for one in classes):
+    if not all(base.__module__.startswith("can.") for base in classes):
         return None, set()
     kinds = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
-    parameters = [entry for one in classes for entry in inspect.signature(one).parameters.values()]
-    others = {"config_context", "ignore_config"} | {
+    parameters = [entry for base in classes for entry in inspect.signature(base).parameters.values()]
+    other_options = {"config_context", "ignore_config"} | {
         match[2] for text in sources for match in _QUOTED.finditer(text)
     }
     for timing in (can.BitTiming, can.BitTimingFd):
-        others |= set(inspect.signature(timing).parameters)
-    return {entry.name for entry in parameters if entry.kind in kinds} - {"channel"}, others
+        other_options |= set(inspect.signature(timing).parameters)
+    return {entry.name for entry in parameters if entry.kind in kinds} - {"channel"}, other_options
 
 
 OpenBus = Callable[[], Any]

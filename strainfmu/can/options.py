@@ -117,7 +117,7 @@ class BridgeSettings(StatedLimits):
     @classmethod
     def of(cls, stated: StatedLimits) -> BridgeSettings:
         """Return the settings with the limits that a user has stated."""
-        return cls(**{one.name: getattr(stated, one.name) for one in fields(StatedLimits)})
+        return cls(**{limit.name: getattr(stated, limit.name) for limit in fields(StatedLimits)})
 
     @property
     def accepts_restart(self) -> bool:

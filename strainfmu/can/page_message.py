@@ -83,7 +83,9 @@ def gauge_positions(fmu: Path) -> tuple[GaugePosition, ...]:
     names, stated = gauge_names_of(fmu), stated_contents(fmu).positions
     if len(stated) != len(names):
         return tuple(GaugePosition(name) for name in names)
-    return tuple(GaugePosition(name, at.x, at.roll_angle) for name, at in zip(names, stated, strict=True))
+    return tuple(
+        GaugePosition(name, position.x, position.roll_angle) for name, position in zip(names, stated, strict=True)
+    )
 
 
 def estimator_facts(fmu: Path) -> EstimatorFacts:
@@ -133,7 +135,7 @@ def layout_message(gauges: Sequence[GaugePosition], facts: EstimatorFacts) -> di
         "layout": {
             "gauges": [asdict(gauge) for gauge in gauges],
             "vehicle": facts.vehicle,
-            "coefficient_range": {name: list(found) for name, found in facts.ranges.items()},
+            "coefficient_range": {name: list(bounds) for name, bounds in facts.ranges.items()},
             "validity": dict(facts.validity),
             "load_tables": load_tables(facts.load_groups),
         }
@@ -200,7 +202,9 @@ def result_message(
     has_numbers = result.quality.has_coefficients
     loads = {name: finite(outputs.get(name)) if has_numbers else None for name in LOADS}
     loads_sigma = {name: finite(outputs.get(f"sigma.{name}")) if has_numbers else None for name in LOADS}
-    beside = {name: finite(value) if has_numbers else None for name, value in outputs.items() if column_of(name)}
+    other_loads = {
+        name: finite(value) if has_numbers else None for name, value in outputs.items() if column_of(name)
+    }
     first, number = int(outputs.get(SUSPECT_GAUGE, 0)), int(outputs.get(SUSPECTS, 0))
     return {
         "quality": int(result.quality),
@@ -211,7 +215,7 @@ def result_message(
         "sigma": _named(result.coefficients_std.tolist()),
         "loads": loads,
         "loads_sigma": loads_sigma,
-        "other_loads": beside,
+        "other_loads": other_loads,
         "strain_um_per_m": dict(zip(names, micro, strict=True)),
         "not_used": not_used,
         # An estimator counts its sensors, too.
@@ -254,18 +258,18 @@ class FieldMessages:
     def __init__(self, inverse_map: InverseMap) -> None:
         """Prepare ``inverse_map``; raises InputError without tables."""
         estimator = Estimator(inverse_map)
-        held = None if inverse_map.manifold is None else inverse_map.manifold.surface_field
-        if held is None:
+        surface_field = None if inverse_map.manifold is None else inverse_map.manifold.surface_field
+        if surface_field is None:
             raise ValueError("inverse_map: expected one that holds the pressure field")
         self._estimator, self._zeros = estimator, estimator.zeros
         self._air_data = other_air_data(is_nonlinear=True, has_masses=inverse_map.has_masses)
         self._temperatures = temperature_names(inverse_map.thermal)
         self._parameters = estimator.parameters.names
         self._sensors, self._has_thrust = sensor_names(inverse_map), has_thrust(inverse_map)
-        if isinstance(held, FlightField):
-            row, column = _thinned(held.station, _STATIONS), _thinned(held.roll_angle, _ROLLS)
-            node = np.arange(held.n_nodes).reshape(len(held.station), -1)[np.ix_(row, column)]
-            station, roll_angle = held.station[row], held.roll_angle[column]
+        if isinstance(surface_field, FlightField):
+            row, column = _thinned(surface_field.station, _STATIONS), _thinned(surface_field.roll_angle, _ROLLS)
+            node = np.arange(surface_field.n_nodes).reshape(len(surface_field.station), -1)[np.ix_(row, column)]
+            station, roll_angle = surface_field.station[row], surface_field.roll_angle[column]
             self._seen = SurfacePlaces(node[..., None], np.ones((*node.shape, 1)))
         else:
             station, roll_angle, self._seen = _unrolled(inverse_map)
@@ -284,33 +288,33 @@ class FieldMessages:
         return {"field": {"timestamp": timestamp, **self._places, "pressure_Pa": values}}
 
     def _pressure(self, result: Result) -> list[int]:
-        zeros, given = self._zeros, result.other_inputs
-        readings = [given.get(name, np.nan) for name in self._sensors]
+        zeros, inputs = self._zeros, result.other_inputs
+        readings = [inputs.get(name, np.nan) for name in self._sensors]
         if zeros is not self._estimator.zeros:
             self._estimator = self._estimator.with_zeros(zeros)
         try:
-            found = self._estimator.track(
+            estimate = self._estimator.track(
                 np.append(result.strain, readings),
                 result.dynamic_pressure,
                 valid=np.append(result.valid, np.isfinite(readings)),
                 mach_number=result.mach_number,
                 altitude=result.altitude,
-                **self._other_inputs(given),
+                **self._other_inputs(inputs),
             )
-            chosen = self._seen.of(found.pressure(with_std=False).pressure)
+            chosen = self._seen.of(estimate.pressure(with_std=False).pressure)
         except np.linalg.LinAlgError:  # the results themselves must go on
             return []
         return np.rint(chosen).astype(int).ravel().tolist() if np.all(np.isfinite(chosen)) else []
 
-    def _other_inputs(self, given: Mapping[str, float]) -> dict[str, Any]:
-        """Return the arguments of a step for what is ``given`` besides q_inf, Mach number and altitude."""
-        found: dict[str, Any] = given_flow({name: given.get(name, np.nan) for name in self._air_data})
+    def _other_inputs(self, inputs: Mapping[str, float]) -> dict[str, Any]:
+        """Return the arguments of a step of ``inputs`` other than q_inf, Mach number and altitude."""
+        known: dict[str, Any] = given_flow({name: inputs.get(name, np.nan) for name in self._air_data})
         if self._temperatures:
-            found[TEMPERATURE] = np.array([given.get(name, np.nan) for name in self._temperatures])
-        found["parameters"] = {name: given.get(PREFIX + name, np.nan) for name in self._parameters}
-        stds = {name: given.get(STD_PREFIX + name, np.nan) for name in self._parameters}
-        found["parameters_std"] = given_flow(stds)
-        return found | (given_thrust(given) if self._has_thrust else {})
+            known[TEMPERATURE] = np.array([inputs.get(name, np.nan) for name in self._temperatures])
+        known["parameters"] = {name: inputs.get(PREFIX + name, np.nan) for name in self._parameters}
+        stds = {name: inputs.get(STD_PREFIX + name, np.nan) for name in self._parameters}
+        known["parameters_std"] = given_flow(stds)
+        return known | (given_thrust(inputs) if self._has_thrust else {})
 
 
 def field_messages(path: Path, gauge_names: tuple[str, ...]) -> FieldMessages:
@@ -321,14 +325,14 @@ def field_messages(path: Path, gauge_names: tuple[str, ...]) -> FieldMessages:
     InputError
         The file is missing or damaged, its gauges are not ``gauge_names``, or it holds no tables with the field.
     """
-    held = load_inverse_map(path)
-    if held.gauge_names[: held.n_strain_gauges] != gauge_names:
+    inverse_map = load_inverse_map(path)
+    if inverse_map.gauge_names[: inverse_map.n_strain_gauges] != gauge_names:
         raise InputError(f"page.field {path}: expected a map of the estimator's gauges, got others")
-    if held.manifold is None or held.manifold.surface_field is None:
+    if inverse_map.manifold is None or inverse_map.manifold.surface_field is None:
         raise InputError(
             f"page.field {path}: expected a map built with estimator = 'nonlinear' and keep_field = true"
         )
-    return FieldMessages(held)
+    return FieldMessages(inverse_map)
 
 
 def _thinned(values: FloatArray, most: int) -> IntArray:

@@ -34,7 +34,7 @@ from strainfmu.recorded.checks import LARGEST_RATIO
 _STRAIN, _HELD, _TRAILER, _STATE, _FLOW, _COMMAND = range(6)
 """Kinds of a frame, in the order of bus.h."""
 
-_SENSIBLE = {one.name: (one.smallest, one.largest) for one in SAMPLE_INPUTS}
+_SENSIBLE = {sample_input.name: (sample_input.smallest, sample_input.largest) for sample_input in SAMPLE_INPUTS}
 """Smallest and largest value of a quantity that may be used, in SI units, whatever its signal allows."""
 
 _SENSIBLE_TEMPERATURE = (1.0, 5e3)
@@ -119,7 +119,7 @@ class Plan:
 
     def _shared(self, frame: InputFrame) -> int:
         """Return the number of frames with the identifier of ``frame``: each may come once a cycle."""
-        return sum(one.layout.key == frame.layout.key for one in self.frames)
+        return sum(candidate.layout.key == frame.layout.key for candidate in self.frames)
 
     def _link(self, frames: Sequence[InputFrame]) -> dict[int, int]:
         """Chain the slots of an identifier; return the first of each."""
@@ -147,15 +147,15 @@ class Plan:
 
     def _describe(self, slot: Any, frame: InputFrame, layout: InputLayout, settings: BridgeSettings) -> None:
         """Write what is known of a frame."""
-        own, protection = frame.layout, frame.layout.protection
-        slot["length"], slot["is_fd"], slot["kind"] = own.length, own.is_fd, _kind(frame)
+        frame_layout, protection = frame.layout, frame.layout.protection
+        slot["length"], slot["is_fd"], slot["kind"] = frame_layout.length, frame_layout.is_fd, _kind(frame)
         slot["profile"] = 0 if protection is None else protection.profile
         slot["data_id"] = 0 if protection is None else protection.data_id
         slot["crc_end"] = -1 if protection is None or protection.end is None else protection.end
-        slot["is_secured"], slot["selector"] = own.secured is not None, -1
-        initial = None if frame.configuration is None else own.signals[frame.configuration].initial
+        slot["is_secured"], slot["selector"] = frame_layout.secured is not None, -1
+        initial = None if frame.configuration is None else frame_layout.signals[frame.configuration].initial
         slot["expected"] = initial or 0
-        slot["period"] = own.cycle_time or layout.cycle_time
+        slot["period"] = frame_layout.cycle_time or layout.cycle_time
         ages = [flow_max_age(layout, frame, source, settings) for source in frame.flow]
         slot["hold"] = max(ages) if ages else frame.hold or 0.0
         slot["tick"], slot["shares_clock"] = frame.tick, layout.shares_clock
@@ -276,7 +276,7 @@ def change_rates(layout: InputLayout, noise_std: ArrayLike | None) -> FloatArray
     if std.shape not in ((), (n,)) or not (np.isfinite(std) & (std > 0.0)).all():
         raise InputError(f"gauge noise: expected one or {n} positive numbers, got {str(noise_std)[:60]}")
     ratio = np.minimum(np.full(n, std) / step, LARGEST_RATIO)
-    return np.array([1.0 - erf(0.5 / (one * sqrt(2.0))) for one in ratio.tolist()])
+    return np.array([1.0 - erf(0.5 / (value * sqrt(2.0))) for value in ratio.tolist()])
 
 
 def quantisation_steps(layout: InputLayout) -> FloatArray:

@@ -128,15 +128,15 @@ LARGEST_DYNAMIC_PRESSURE: float = stated_file(_SHARED)[DYNAMIC_PRESSURE]["maximu
 @cache
 def _profile(name: str) -> Mapping[str, Any]:
     """Return what a profile states; what it is like states the entries and signals that it does not."""
-    own = stated_file(name)
-    before = _profile(own["like"]) if "like" in own else {"signal": stated_file(_SHARED)}
-    return {**_merged(before, own), "signal": {**before["signal"], **own.get("signal", {})}}
+    stated = stated_file(name)
+    before = _profile(stated["like"]) if "like" in stated else {"signal": stated_file(_SHARED)}
+    return {**_merged(before, stated), "signal": {**before["signal"], **stated.get("signal", {})}}
 
 
-def _merged(before: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the entries of ``before``, in their order, replaced by entries of ``own``, table by table."""
-    merged = {**before, **own}
-    for name, entry in own.items():
+def _merged(before: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the entries of ``before``, in their order, replaced by entries of ``changes``, table by table."""
+    merged = {**before, **changes}
+    for name, entry in changes.items():
         if isinstance(entry, Mapping) and isinstance(before.get(name), Mapping):
             merged[name] = _merged(before[name], entry)
     return merged
@@ -196,18 +196,18 @@ def profile_layout(
         )
     identifiers, readings = identifiers or Identifiers(), readings or {}
     names = signal_names(gauge_names)
-    reading_names = signal_names([one.removeprefix(SENSOR_PREFIX) for one in readings], "Sensor")
-    held: dict[str, list[_Measured]] = {
+    reading_names = signal_names([reading.removeprefix(SENSOR_PREFIX) for reading in readings], "Sensor")
+    measured: dict[str, list[_Measured]] = {
         STRAIN: [(index, name, "") for index, name in enumerate(names)],
         _READING: [
-            (one, name, _UNITS.get(unit, unit))
-            for (one, unit), name in zip(readings.items(), reading_names, strict=True)
+            (reading, name, _UNITS.get(unit, unit))
+            for (reading, unit), name in zip(readings.items(), reading_names, strict=True)
         ],
     }
     maker = _Maker(
         _profile(profile), cycle_time, identifiers, configuration_of(profile, (*gauge_names, *readings))
     )
-    frames = maker.frames(held, has_tare)
+    frames = maker.frames(measured, has_tare)
     state = next((frame for frame in frames if frame.session is not None), None)
     identifiers.checked(len(frames) - (state is not None), 1)
     return InputLayout(
@@ -233,8 +233,8 @@ class _Maker:
     identifiers: Identifiers
     configuration: int
 
-    def frames(self, held: Mapping[str, Sequence[_Measured]], has_tare: bool) -> list[InputFrame]:
-        """Return all frames in the order of their identifiers; ``held`` are gauges and readings."""
+    def frames(self, measured: Mapping[str, Sequence[_Measured]], has_tare: bool) -> list[InputFrame]:
+        """Return all frames in the order of their identifiers; ``measured`` are gauges and readings."""
         made: list[InputFrame] = []
         alone: list[InputFrame] = []
         for name, stated in self.profile["frame"].items():
@@ -244,13 +244,13 @@ class _Maker:
                 if self.identifiers.base + stated["place"] >= 0:
                     alone.append(self._frame(name, stated, stated["place"], 0, ()))
                 continue
-            repeated = next((kind for kind in held if kind in stated["fields"]), None)
+            repeated = next((kind for kind in measured if kind in stated["fields"]), None)
             if repeated is None:
                 made.append(self._frame(name, stated, len(made), 0, ()))
                 continue
             size = stated["per_frame"]
-            for number, first in enumerate(range(0, len(held[repeated]), size)):
-                chosen = held[repeated][first : first + size]
+            for number, first in enumerate(range(0, len(measured[repeated]), size)):
+                chosen = measured[repeated][first : first + size]
                 made.append(self._frame(f"{name}{number + 1}", stated, len(made), number, chosen))
         return [*made, *alone]
 
@@ -269,7 +269,7 @@ class _Maker:
             signals += self._signals(role, definition, first_bit, chosen)
         first = roles.get(STRAIN, roles.get(_READING, 0))
         indices = tuple(range(first, first + len(chosen))) if STRAIN in roles else ()
-        flow = [(one, roles[one]) for one in roles if one in FLOW_QUANTITIES]
+        flow = [(role, roles[role]) for role in roles if role in FLOW_QUANTITIES]
         if _READING in roles:
             flow = [(str(source), first + index) for index, (source, _, _) in enumerate(chosen)]
         layout = FrameLayout(

@@ -135,9 +135,9 @@ class LogFile:
     def _append(self, content: bytes) -> None:
         """Write ``content`` at the end."""
         self._file.seek(self._whole)
-        left = memoryview(content)
-        while left:
-            left = left[self._file.write(left) :]
+        remaining = memoryview(content)
+        while remaining:
+            remaining = remaining[self._file.write(remaining) :]
         self._whole += len(content)
 
 

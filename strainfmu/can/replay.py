@@ -227,10 +227,10 @@ class _Comparison:
         if len(side[frame.key]) >= _UNMATCHED:
             return
         side[frame.key].append(frame.data)
-        mine, other = self._logged[frame.key], self._replayed[frame.key]
-        while mine and other:
+        mine, replayed = self._logged[frame.key], self._replayed[frame.key]
+        while mine and replayed:
             self.compared += 1
-            raw = [plan.raw(data.pop(0))[self._kept[frame.key]] for data in (mine, other)]
+            raw = [plan.raw(data.pop(0))[self._kept[frame.key]] for data in (mine, replayed)]
             self.equal += bool(np.array_equal(raw[0], raw[1]))
 
 
@@ -257,7 +257,11 @@ LOG_COLUMNS = (
     ("age", "s"),
     ("counter", "1"),
     ("sample_time", "tick"),
-    *((one.name, one.unit) for one in AIR_INPUTS if one.name in FLOW_QUANTITIES and one.name != DYNAMIC_PRESSURE),
+    *(
+        (air_input.name, air_input.unit)
+        for air_input in AIR_INPUTS
+        if air_input.name in FLOW_QUANTITIES and air_input.name != DYNAMIC_PRESSURE
+    ),
     (ENVELOPE_SCORE, "1"),
     ("age_uncertainty", "s"),
     (USABLE, "1"),
@@ -294,9 +298,9 @@ def estimate_log(
     recorded = load_description(log)
     zeros = options(None if recorded is None else recorded["options"]).zeros
     with open_step(source, zeros, with_loads=True) as ready:
-        others = other_outputs_of(output_units(load_groups_of(ready.step)).items())
-        with estimate_writer(output, (*LOG_COLUMNS, *others.values())) as writer:
-            rows = _Rows(writer, [*others])
+        output_columns = other_outputs_of(output_units(load_groups_of(ready.step)).items())
+        with estimate_writer(output, (*LOG_COLUMNS, *output_columns.values())) as writer:
+            rows = _Rows(writer, [*output_columns])
             summary = replay_log(
                 log,
                 source,
@@ -313,8 +317,8 @@ def estimate_log(
 class _Rows:
     """Collects results and writes them block by block, with the outputs ``others`` behind the other columns."""
 
-    def __init__(self, writer: PartsWriter, others: Sequence[str]) -> None:
-        self._writer, self._others = writer, others
+    def __init__(self, writer: PartsWriter, output_names: Sequence[str]) -> None:
+        self._writer, self._others = writer, output_names
         self._rows: list[list[float]] = []
 
     def add(self, result: Result) -> None:
@@ -351,5 +355,5 @@ def _row(result: Result, outputs: Mapping[str, float]) -> list[float]:
         USABLE: float(result.usable),
         "gap": result.gap,
     }
-    found = (values[name] for name, _ in LOG_COLUMNS)
-    return [float("nan") if value is None else value for value in found]
+    cells = (values[name] for name, _ in LOG_COLUMNS)
+    return [float("nan") if value is None else value for value in cells]

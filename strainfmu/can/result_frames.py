@@ -63,7 +63,7 @@ def result_layouts(
         (
             name,
             stated.get("length", 8),
-            [one for field, at in stated["fields"].items() for one in _signals(field, at)],
+            [signal for field, place in stated["fields"].items() for signal in _signals(field, place)],
             stated.get("comment", ""),
             cycle_time if "every_cycle" in stated else None,
         )
@@ -87,18 +87,22 @@ def result_layouts(
     )
 
 
-def _signals(field: str, at: int | Sequence[int]) -> list[SignalLayout]:
+def _signals(field: str, position: int | Sequence[int]) -> list[SignalLayout]:
     """Return the signals of a field of results.toml at their places."""
     stated = {**stated_file("results")["signal"][field]}
-    first, names = (at, ("",)) if isinstance(at, int) else (at[0], COEFFICIENT_NAMES[at[1] : at[2]])
+    first, names = (
+        (position, ("",))
+        if isinstance(position, int)
+        else (position[0], COEFFICIENT_NAMES[position[1] : position[2]])
+    )
     if "choices" in stated:
-        stated["choices"] = [(int(one), one.name.title()) for one in _ENUMERATIONS[stated["choices"]]]
+        stated["choices"] = [(int(choice), choice.name.title()) for choice in _ENUMERATIONS[stated["choices"]]]
         if "not_available" in stated:
             stated["choices"].append((stated["not_available"], "NotAvailable"))
     name = stated.pop("name")
     return [
-        placed_signal(stated, first + stated["length"] * place, LITTLE, name=name.format(of))
-        for place, of in enumerate(names)
+        placed_signal(stated, first + stated["length"] * place, LITTLE, name=name.format(coefficient))
+        for place, coefficient in enumerate(names)
     ]
 
 
@@ -110,7 +114,7 @@ def _fd_frames(groups: Sequence[LoadGroup]) -> Iterator[_Frame]:
     """Yield one frame of each place of ``groups``: all that is sent of it, then the standard deviations."""
     head = [*_signals("quality", 24), *_signals("sample_time", 32)]
     for family, name, text, sent in _places(groups):
-        outputs = [(f"{of}{output}", _unit(family, load)) for of in ("", SIGMA) for load, output in sent]
+        outputs = [(f"{prefix}{output}", _unit(family, load)) for prefix in ("", SIGMA) for load, output in sent]
         floats = [_float(output, unit, _NAN, 64 + 32 * k) for k, (output, unit) in enumerate(outputs)]
         end = 8 + 4 * len(floats)
         length = next(length for length in FD_LENGTHS if length > end)
@@ -155,10 +159,10 @@ def _places(groups: Sequence[LoadGroup]) -> Iterator[tuple[LoadFamily, str, str,
     """Return the places of ``groups`` in the order of their frames: family, frame, its text, loads and outputs."""
     for family in FAMILIES:
         of_family = [group for group in groups if group.family is family]
-        for index, at in enumerate(of_family[0].places if of_family else ()):
+        for index, place in enumerate(of_family[0].places if of_family else ()):
             name = f"{family.frame}{index + 1}" if family.is_listed else family.frame
-            sent = [(one.load, one.numbered(_sent_name(family, one.load))[index]) for one in of_family]
-            yield family, name, family.frame_text.format(at), sent
+            sent = [(group.load, group.numbered(_sent_name(family, group.load))[index]) for group in of_family]
+            yield family, name, family.frame_text.format(place), sent
 
 
 def _unit(family: LoadFamily, load: LoadKind) -> str:
@@ -195,8 +199,10 @@ class OtherLoadSignals:
     def __init__(self, layouts: Sequence[FrameLayout]) -> None:
         signals = {signal.name: signal for layout in layouts for signal in layout.signals}
         loads = [(family, load) for family in FAMILIES for load in family.loads]
-        sent = {name: one for one in loads for name in _sent_among(signals, *one)}
-        self._outputs = {signal_name(f"{of}{name}"): f"{of}{name}" for name in sent for of in ("", SIGMA)}
+        sent = {name: load for load in loads for name in _sent_among(signals, *load)}
+        self._outputs = {
+            signal_name(f"{prefix}{name}"): f"{prefix}{name}" for name in sent for prefix in ("", SIGMA)
+        }
         # Standard deviations in whole steps are never stated smaller than they are.
         steps = {
             signal_name(f"{SIGMA}{name}"): load.step
@@ -274,7 +280,11 @@ class ResultFrames:
         self._configuration = configuration
         frames, self._others = composition(layouts)
         self._of_result, self._of_status, self._details = (
-            [_ResultFrame(layout, places, 0 if kind else first) for layout, of, places in frames if of == kind]
+            [
+                _ResultFrame(layout, places, 0 if kind else first)
+                for layout, frame_kind, places in frames
+                if frame_kind == kind
+            ]
             for kind in range(3)
         )
 
@@ -305,13 +315,13 @@ def composition(
     A kind, 0 of a result, 1 of the status and 2 of details, and the place of each signal's value among the values
     of that kind, as ``fmus/native/ecu/ecu.c`` lists them.
     """
-    others = OtherLoadSignals(layouts)
-    names = ((*_RESULT_NAMES, *others.names), _STATUS_NAMES, _DETAIL_NAMES)
-    found = []
+    other_loads = OtherLoadSignals(layouts)
+    names = ((*_RESULT_NAMES, *other_loads.names), _STATUS_NAMES, _DETAIL_NAMES)
+    composed = []
     for layout in layouts:
         kind = 0 if layout.cycle_time is not None else 2 if layout.name == DETAIL else 1
-        found.append((layout, kind, [names[kind].index(signal.name) for signal in layout.signals]))
-    return found, others
+        composed.append((layout, kind, [names[kind].index(signal.name) for signal in layout.signals]))
+    return composed, other_loads
 
 
 class _ResultFrame:

@@ -54,7 +54,7 @@ class Score:
     @property
     def has_errors(self) -> bool:
         """Whether there are results with coefficients, and a truth to compare them with."""
-        return any(isfinite(one) for one in self.rms_error)
+        return any(isfinite(error) for error in self.rms_error)
 
 
 class Answers:
@@ -70,9 +70,11 @@ class Answers:
         self, bus: Any, layouts: Sequence[FrameLayout], on_answer: Callable[[int, int], None] = lambda *_: None
     ) -> None:
         self._bus, self._on_answer = bus, on_answer
-        own = [layout for layout in layouts if layout.cycle_time is not None]
-        self._plans = {layout.identifier: SignalPlan(layout) for layout in own}
-        self._last = next(one.identifier for one in own if _ANSWERED in [signal.name for signal in one.signals])
+        answering = [layout for layout in layouts if layout.cycle_time is not None]
+        self._plans = {layout.identifier: SignalPlan(layout) for layout in answering}
+        self._last = next(
+            layout.identifier for layout in answering if _ANSWERED in [signal.name for signal in layout.signals]
+        )
         self._counter = [signal.name for signal in self._plans[self._last].signals].index(E2E_COUNTER)
         self.results: list[dict[str, float]] = []
         """Values by the names of their signals; of frames of one result the last of each."""
@@ -126,11 +128,11 @@ def score_answers(
     modulus : number of values of the cycle's counter; 0: there is none, and which cycle is answered is not known.
     """
     names = (*COEFFICIENT_NAMES, *(f"sigma_{name}" for name in COEFFICIENT_NAMES))
-    qualities = [Quality(int(one["Quality"])) for one in received]
-    answered = [one for one, quality in zip(received, qualities, strict=True) if quality.has_coefficients]
-    values = np.array([[one[name] for name in names] for one in answered]).reshape(-1, 10)
+    qualities = [Quality(int(result["Quality"])) for result in received]
+    answered = [result for result, quality in zip(received, qualities, strict=True) if quality.has_coefficients]
+    values = np.array([[result[name] for name in names] for result in answered]).reshape(-1, 10)
     # A counter is of the cycle next to the one answered before.
-    half, steps = modulus // 2, np.diff([int(one[_ANSWERED]) for one in answered], prepend=0)
+    half, steps = modulus // 2, np.diff([int(result[_ANSWERED]) for result in answered], prepend=0)
     cycles = np.cumsum((steps + half) % max(modulus, 1) - half).astype(int)
     known = (cycles >= 0) & (cycles < len(truth)) & (modulus > 0)
     used = known & np.isfinite(values).all(axis=1)
@@ -199,13 +201,13 @@ class Sender:
         self._encoder.hear(answered, counter, self._clock() - self.start)
 
     def cycle(
-        self, number: int, time: float, strain: FloatArray, dynamic_pressure: float, **given: Any
+        self, number: int, time: float, strain: FloatArray, dynamic_pressure: float, **inputs: Any
     ) -> list[Frame]:
         """Return the frames of the cycle ``number`` at ``time`` [s], with their times, in order.
 
-        ``given`` as of :meth:`StrainEncoder.encode`.
+        ``inputs`` as of :meth:`StrainEncoder.encode`.
         """
-        frames = self._encoder.encode(strain, dynamic_pressure, cycle=number, sample_time=time, **given)
+        frames = self._encoder.encode(strain, dynamic_pressure, cycle=number, sample_time=time, **inputs)
         spacing = 0.2 * self._layout.cycle_time / len(frames)
         return [replace(frame, time=time + index * spacing) for index, frame in enumerate(frames)]
 

@@ -112,15 +112,15 @@ def _taring(
     from strainfmu.estimator.estimator import Estimator
     from strainfmu.estimator.map.inverse_map import load_inverse_map
 
-    held = load_inverse_map(options.tare)
-    if tuple(held.gauge_names[: held.n_strain_gauges]) != tuple(gauge_names):
+    inverse_map = load_inverse_map(options.tare)
+    if tuple(inverse_map.gauge_names[: inverse_map.n_strain_gauges]) != tuple(gauge_names):
         raise InputError(f"{options.tare}: expected a map of the estimator's gauges, got one of others")
     known = None
     if options.tare_known is not None:
         from strainfmu.cosim.estimators.zeros_file import load_known_strain
 
         known = load_known_strain(options.tare_known, gauge_names)
-    judge = Estimator(held.without_tables())
+    judge = Estimator(inverse_map.without_tables())
     return Taring(judge, set_zeros, options.tare_cycles, said_for=round(settings.alarm_cycles), known=known)
 
 
@@ -220,8 +220,12 @@ def stated_in(source: Path) -> tuple[tuple[str, ...], dict[str, str], tuple[Load
     from strainfmu.estimator.map.inverse_map import groups_of_outputs, load_inverse_map
     from strainfmu.interface.sensor_variables import reading_units
 
-    held = load_inverse_map(source)
-    return tuple(held.gauge_names[: held.n_strain_gauges]), reading_units(held), groups_of_outputs(held)
+    inverse_map = load_inverse_map(source)
+    return (
+        tuple(inverse_map.gauge_names[: inverse_map.n_strain_gauges]),
+        reading_units(inverse_map),
+        groups_of_outputs(inverse_map),
+    )
 
 
 def result_form(options: BridgeOptions, layout: InputLayout) -> str:

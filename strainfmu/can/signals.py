@@ -90,26 +90,26 @@ def functions() -> ctypes.PyDLL:
     NoCoreError
         There is no library for this machine and no compiler to make one, or it is of another version.
     """
-    found = library()
-    version = found.sb_version() if hasattr(found, "sb_version") else 0
+    core = library()
+    version = core.sb_version() if hasattr(core, "sb_version") else 0
     if version != VERSION:
         raise NoCoreError(
             f"the bridge's compiled part has version {version}, must be {VERSION}: install the whole package again"
         )
-    own = ctypes.PyDLL(found._name, handle=found._handle)
-    own.sb_size.restype = ctypes.c_int64
-    _check_sizes(own)
-    return own
+    native = ctypes.PyDLL(core._name, handle=core._handle)
+    native.sb_size.restype = ctypes.c_int64
+    _check_sizes(native)
+    return native
 
 
 PLACES: dict[str, int] = {}
 """Places in the state [bytes]: of the result, of the account, of the table of places of its parts."""
 
 
-def _check_sizes(own: ctypes.PyDLL) -> None:
+def _check_sizes(native: ctypes.PyDLL) -> None:
     """Compare the records with the library's, and keep the places of the state's parts."""
     size = np.zeros(8, dtype=np.int64)
-    own.sb_sizes(pointer(size))
+    native.sb_sizes(pointer(size))
     records = (SIGNAL, SLOT, PLAN, RESULT, ACCOUNT)
     assert size[:5].tolist() == [record.itemsize for record in records], size
     PLACES.update(zip(("result", "account", "parts"), size[5:].tolist(), strict=True))

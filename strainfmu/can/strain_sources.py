@@ -73,16 +73,16 @@ def _plant_outputs(path: Path, description: Any, n_gauges: int, readings: Sequen
     """Return strains, dynamic pressure and, where there are any, navigation, ``readings`` and all true
     coefficients."""
     # Mach number and altitude of a plant may be inputs, which keep their start values here.
-    found = {v.name: v for v in description.modelVariables if v.causality == "output" or v.name in NAVIGATION}
+    variables = {v.name: v for v in description.modelVariables if v.causality == "output" or v.name in NAVIGATION}
     names = [*strain_names(n_gauges), DYNAMIC_PRESSURE]
-    missing = [name for name in names if name not in found]
+    missing = [name for name in names if name not in variables]
     if missing:
         raise InputError(f"{path}: no output '{missing[0]}' found: not a plant of {n_gauges} gauges")
-    if f"strain[{n_gauges + 1}]" in found:
+    if f"strain[{n_gauges + 1}]" in variables:
         raise InputError(f"{path}: expected a plant of {n_gauges} gauges, got output 'strain[{n_gauges + 1}]'")
-    truth = [name for name in COEFFICIENT_NAMES if name in found]
-    others = [name for name in (*NAVIGATION, *readings) if name in found]
-    return [found[name] for name in (*names, *others, *(truth if len(truth) == 5 else ()))]
+    truth = [name for name in COEFFICIENT_NAMES if name in variables]
+    more_names = [name for name in (*NAVIGATION, *readings) if name in variables]
+    return [variables[name] for name in (*names, *more_names, *(truth if len(truth) == 5 else ()))]
 
 
 def _stepped(
@@ -134,7 +134,9 @@ def scenario_samples(path: Path, files: Path | None, cycle_time: float) -> Itera
         if name.startswith("plant.") and is_reading(name.removeprefix("plant."))
     }
     yield (
-        FlownSample(d, float(q), c, **navigation, readings={name: float(of[k]) for name, of in readings.items()})
+        FlownSample(
+            d, float(q), c, **navigation, readings={name: float(values[k]) for name, values in readings.items()}
+        )
         for k, (d, q, c) in enumerate(zip(strain, pressure, truth, strict=True))
     )
 
@@ -172,7 +174,11 @@ def recorded_samples(
                 float(q),
                 unknown,
                 **{name: float(block.flow[name][row]) for name in NAVIGATION if name in block.flow},
-                readings={of: float(block.flow[name][row]) for name, of in inputs.items() if name in block.flow},
+                readings={
+                    input_name: float(block.flow[name][row])
+                    for name, input_name in inputs.items()
+                    if name in block.flow
+                },
             )
             for block in opened.blocks
             for row, (d, q) in enumerate(zip(block.strain, block.dynamic_pressure, strict=True))

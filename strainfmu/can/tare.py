@@ -149,17 +149,17 @@ class Taring:
         """Judge the window, and use its zeros if nothing speaks against them."""
         n = self._estimator.inverse_map.n_strain_gauges
         try:
-            found = self._estimator.tare(self._strain[:, :n], self._pressure, self._limits, self._known)
-            why = refusal(found)
+            outcome = self._estimator.tare(self._strain[:, :n], self._pressure, self._limits, self._known)
+            why = refusal(outcome)
             if not why:
-                self._set_zeros(found.zeros)
+                self._set_zeros(outcome.zeros)
         except StrainfmuError as error:
             why = str(error)
         if why:
             self._refuse(why)
             return
-        text = taken_text(found, "cycles") + "".join(f"; {note}" for note in found.notes)
-        self._end(Cause.ZEROS_TAKEN, TareEnd(text=text, zeros=found.zeros, samples=found.samples))
+        text = taken_text(outcome, "cycles") + "".join(f"; {note}" for note in outcome.notes)
+        self._end(Cause.ZEROS_TAKEN, TareEnd(text=text, zeros=outcome.zeros, samples=outcome.samples))
 
     def _refuse(self, why: str) -> None:
         self._end(Cause.TARE_REFUSED, TareEnd(text=refused_text(why)))
