@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from builder.structure.as_built.as_built_vehicle import Counts, in_words, slices
+from builder.structure.as_built.as_built_vehicle import Counts, slices
 from builder.structure.as_built_kinds import KINDS
 from strainfmu.arrays import BoolArray, FloatArray
 
@@ -69,7 +69,7 @@ def kind_sigmas(
 def established(kinds: Sequence[KindSigmas]) -> str:
     """Return the kinds that a test establishes, in one line; empty without any."""
     parts = [
-        f"{in_words(one.kind)} {one.size(one.after)} ({one.size(one.before)})"
+        f"{KINDS[one.kind].in_words} {one.size(one.after)} ({one.size(one.before)})"
         for one in kinds
         if one.is_established
     ]
@@ -78,5 +78,5 @@ def established(kinds: Sequence[KindSigmas]) -> str:
 
 def undetermined(kinds: Sequence[KindSigmas]) -> str:
     """Return the kinds that a test leaves as they were, in one line; empty without any."""
-    parts = [f"{in_words(one.kind)} ({one.size(one.after)})" for one in kinds if one.stays]
+    parts = [f"{KINDS[one.kind].in_words} ({one.size(one.after)})" for one in kinds if one.stays]
     return f"as uncertain as before the test: {', '.join(parts)}" if parts else ""

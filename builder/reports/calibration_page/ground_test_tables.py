@@ -16,7 +16,7 @@ from builder.calibration.plan.worth_of_test import WorthOfTest
 from builder.reports.calibration_page.findings import UsedCell
 from builder.reports.calibration_page.verdict import Criterion
 from builder.reports.page.page_tables import Column, Table, make_table
-from builder.structure.as_built.as_built_vehicle import in_words, slices
+from builder.structure.as_built.as_built_vehicle import slices
 from builder.structure.as_built_kinds import KINDS
 from builder.structure.loads.applied import load_kind
 from strainfmu.arrays import FloatArray
@@ -120,7 +120,7 @@ def identified_table(estimate: Estimate) -> Table:
         prior, after = (float(np.sqrt(np.mean(value[parameters] ** 2))) for value in (before, sigma))
         identified = 100.0 * (1.0 - (after / prior) ** 2) if prior > 0.0 else 0.0
         size = float(np.sqrt(np.mean(estimate.vector[parameters] ** 2)))
-        rows.append([in_words(kind), unit, scale * size, scale * prior, scale * after, identified])
+        rows.append([KINDS[kind].in_words, unit, scale * size, scale * prior, scale * after, identified])
     model = estimate.model
     for number, cell in enumerate(range(model.cell_entries.start, model.cell_entries.stop)):
         of_cell = KINDS["common" if number < len(model.cells) else "cell_offset"]

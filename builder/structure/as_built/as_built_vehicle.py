@@ -166,11 +166,6 @@ def parameter_names(gauge_names: Sequence[str], counts: Counts) -> tuple[str, ..
     )
 
 
-def in_words(kind: str) -> str:
-    """Return the name of a kind as it is printed."""
-    return KINDS[kind].in_words
-
-
 def exactly_built(counts: Counts | int) -> AsBuilt:
     """Return the vehicle of the file, without errors; ``counts`` may be the number of gauges alone."""
     return AsBuilt(counts if isinstance(counts, Counts) else Counts(counts), {})

@@ -88,48 +88,22 @@ def stacked_tables(tables: Sequence[ResponseTable]) -> ResponseTable:
 
     What one load has no part of, as harmonics or the wall's thickness, is zero.
     """
-    n_m = max(table.nominal.shape[1] for table in tables)
-
-    def stacked(parts: Sequence[FloatArray]) -> FloatArray:
+    n_m, stacked = max(table.nominal.shape[1] for table in tables), dict[str, Any]()
+    for entry in fields(ResponseTable):
+        parts = [getattr(table, entry.name) for table in tables]
+        lead = max((part.shape[:-4] for part in parts if part is not None), default=None)
+        if lead is None:
+            stacked[entry.name] = None
+            continue
         # What leads is the table's; 2, n_m, n_s, 3 are the load's.
-        padded = [
-            np.pad(part, [(0, 0)] * (part.ndim - 3) + [(0, n_m - part.shape[-3]), (0, 0), (0, 0)])
-            for part in parts
+        filled = [
+            np.zeros((*lead, *table.nominal.shape)) if part is None or part.shape[:-4] != lead else part
+            for part, table in zip(parts, tables, strict=True)
         ]
-        return np.stack(padded, axis=-4)
-
-    def by_region(name: str) -> FloatArray:
-        parts = [(getattr(table, name), table.nominal.shape) for table in tables]
-        n = max(len(part) for part, _ in parts)
-        return stacked([part if len(part) else np.zeros((n, *shape)) for part, shape in parts])
-
-    uneven = [
-        np.zeros((*table.uneven.shape[:3], *table.nominal.shape))
-        if table.uneven_load is None
-        else table.uneven_load
-        for table in tables
-    ]
-    mass = [
-        np.zeros((table.uneven.shape[2], *table.nominal.shape)) if table.region_mass is None else table.region_mass
-        for table in tables
-    ]
-    changes = any(table.uneven_load is not None for table in tables)
-    weighs = any(table.region_mass is not None for table in tables)
-    return ResponseTable(
-        nominal=stacked([table.nominal for table in tables]),
-        along=stacked([_or_none(table.along, table.nominal) for table in tables]),
-        along_twice=stacked([_or_none(table.along_twice, table.nominal) for table in tables]),
-        wall=by_region("wall"),
-        wall_twice=by_region("wall_twice"),
-        uneven=stacked([table.uneven for table in tables]),
-        soft=by_region("soft"),
-        uneven_load=stacked(uneven) if changes else None,
-        region_mass=stacked(mass) if weighs else None,
-    )
-
-
-def _or_none(change: FloatArray | None, nominal: FloatArray) -> FloatArray:
-    return np.zeros_like(nominal) if change is None else change
+        none = [(0, 0)] * (len(lead) + 1)
+        padded = [np.pad(part, [*none, (0, n_m - part.shape[-3]), (0, 0), (0, 0)]) for part in filled]
+        stacked[entry.name] = np.stack(padded, axis=-4)
+    return ResponseTable(**stacked)
 
 
 def together(responses: Sequence[LoadResponse]) -> LoadResponse:

@@ -237,11 +237,10 @@ def cyclic_gauge_rows(sector: SweptSector, gauges: Gauges) -> csr_array:
     for s in np.unique(of_gauge).tolist():
         chosen = np.flatnonzero(of_gauge == s)
         rolled = _rolled(gauges, chosen, sector.rotation(s))
-        part = gauge_rows(window, rolled).tocoo()
-        vector = _turned(part, sector.rotation(s))
-        row.append(chosen[vector.row])
-        column.append((vector.col + (s - reach) * sector.n_dof) % (sector.n_sectors * sector.n_dof))
-        entry.append(vector.data)
+        turned = coo_array(gauge_rows(window, rolled) @ kron(eye_array(window.n_nodes), sector.rotation(s).T))
+        row.append(chosen[turned.row])
+        column.append((turned.col + (s - reach) * sector.n_dof) % (sector.n_sectors * sector.n_dof))
+        entry.append(turned.data)
     index = (np.concatenate(row), np.concatenate(column))
     shape = (len(gauges.name), sector.n_sectors * sector.n_dof)
     return csr_array(coo_array((np.concatenate(entry), index), shape=shape))
@@ -271,16 +270,6 @@ def _rolled(gauges: Gauges, chosen: IntArray, turn: FloatArray) -> Gauges:
         length=gauges.length[chosen],
         surface=tuple(gauges.surface[i] for i in chosen),
     )
-
-
-def _turned(rows: coo_array, turn: FloatArray) -> coo_array:
-    """Turn rows (n, 3 n_nodes) from a sector's frame into body axes."""
-    row, component = rows.row, rows.col % 3
-    entry = rows.data[:, None] * turn[:, component].T
-    column = (rows.col - component)[:, None] + np.arange(3)
-    flat = coo_array((entry.ravel(), (np.repeat(row, 3), column.ravel())), shape=rows.shape)
-    flat.sum_duplicates()
-    return flat
 
 
 SAME_ENTRY = 1e-10
