@@ -1,4 +1,4 @@
-"""What a vehicle as built, and its test, may have different from what the files state: the table beside, a CSV.
+"""What a vehicle as built, and its test, may have different from what the files state: a table, the CSV file of this name.
 
 A kind has one name, one unit and one size in all uses: the prior of a calibration ([calibration] of the vehicle
 file), vehicles that are drawn as truth and error columns of a map ([noise]), cases of the fault detection study at
@@ -110,7 +110,7 @@ def _kind(row: dict[str, str]) -> ParameterKind:
 
 
 def _read() -> dict[str, tuple[ParameterKind, ...]]:
-    """Return the kinds of the file beside this one, by group."""
+    """Return the kinds of the CSV file of this name, by group."""
     groups: dict[str, list[ParameterKind]] = {}
     with Path(__file__).with_suffix(".csv").open(newline="", encoding="utf-8") as file:
         for row in csv.DictReader(file):

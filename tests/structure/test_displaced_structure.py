@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from loaded_solid import solid_structure_of
 from small_ogive import SMALL, solved, write_vehicle
 
 from builder.calibration.after_test.calibrated_map import calibrated_map, remaining_after
@@ -30,6 +29,7 @@ from builder.structure.as_built.displaced_structure import (
 from builder.structure.external.external_structure import external_structure, written_influence
 from builder.structure.loads.applied import Load, PadPressure, PointForce, SectionLoad, SurfacePressure, Weight
 from builder.structure.loads.gauge_strain import gauge_strain
+from builder.structure.loads.solid import solid_structure_of
 from builder.structure.mapped_structure import mapped_structure
 from builder.structure.solid.case import structure_case
 from builder.structure.solid.mesh_choice import MeshChoice

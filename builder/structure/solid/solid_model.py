@@ -166,7 +166,7 @@ def strain_per_force(case: SolidCase) -> tuple[SolidMesh, FloatArray]:
 def _examined(case: SolidCase, reporter: Reporter) -> dict[str, Any]:
     """Check the mesh and describe it; return the settings ``mesh_report`` and ``locking`` that follow.
 
-    ``locking`` is the share of the wall's bending that is kept, by harmonic; a body without a cavity has no wall.
+    ``locking`` is how much of the wall's bending is kept, by harmonic; a body without a cavity has no wall.
     """
     mesh = case.mesh.full
     exact = None if case.body is None else exact_wall(*case.of_revolution)

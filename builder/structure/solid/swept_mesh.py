@@ -208,8 +208,8 @@ def swept_wall(body: BodyOfRevolution, wall: Wall, resolution: SweptResolution |
 def _tip_and_hollow(n_tip: int, n_hollow: int, n_through: int) -> tuple[IntArray, dict[str, IntArray]]:
     """Return meridian elements (m, 9) and, per surface, edges (f, 3) of a solid tip and the wall behind it.
 
-    Nodes are numbered column by column: the tip's ``n_tip`` of the core and the wall, then those of the hollow
-    part, whose first is the tip's last.
+    Nodes are numbered column by column: the tip's ``n_tip`` of the core and the wall, then the hollow part's,
+    whose first is the tip's last.
     """
     core = 2 * CORE_ELEMENTS
     tip = np.arange(n_tip * (core + n_through)).reshape(n_tip, -1)

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from loaded_solid import solid_structure_of
 
 import builder
 from builder.structure.fourier.fourier_model import structural_model
@@ -11,6 +10,7 @@ from builder.structure.loads.fourier import FourierStructure
 from builder.structure.loads.gauge_strain import gauge_strain, load_resultant
 from builder.structure.loads.loaded_structure import LoadProperties
 from builder.structure.loads.of_vehicle import fourier_structure_of
+from builder.structure.loads.solid import solid_structure_of
 from builder.structure.loads.temperature import temperature_mode, uniform_temperature
 from builder.structure.solid.mesh_choice import MeshChoice
 from builder.vehicle.file import Vehicle

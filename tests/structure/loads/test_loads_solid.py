@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from loaded_solid import SolidStructure, solid_structure
 from solid_bodies import swept_meridian
 
 from builder.structure.fourier.meridian_mesh import tube_mesh
@@ -24,6 +23,7 @@ from builder.structure.loads.applied import (
 from builder.structure.loads.fourier import FourierStructure, fourier_structure
 from builder.structure.loads.gauge_strain import gauge_strain, load_resultant
 from builder.structure.loads.loaded_structure import LoadProperties, PointMass
+from builder.structure.loads.solid import SolidStructure, solid_structure
 from builder.structure.loads.temperature import temperature_mode, uniform_temperature
 from builder.structure.solid.gauge_rows import gauges_at
 from builder.structure.solid.solid_mesh import SUPPORT

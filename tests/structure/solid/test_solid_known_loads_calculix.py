@@ -5,11 +5,11 @@ from pathlib import Path
 import calculix_deck as calculix
 import numpy as np
 import pytest
-from loaded_solid import solid_structure
 
 from builder.structure.loads.applied import Load, PointForce, Weight
 from builder.structure.loads.gauge_strain import gauge_strain
 from builder.structure.loads.loaded_structure import LoadProperties
+from builder.structure.loads.solid import solid_structure
 from builder.structure.loads.temperature import temperature_mode
 from builder.structure.solid.checks import ring_mesh
 from builder.structure.solid.gauge_rows import gauge_rows, gauges_at

@@ -248,6 +248,7 @@ def solid_structure_of(
     SolverError
         The solution's residual is too large.
     """
+    vehicle.body()  # refuses other shapes: their regions and masses are not in the loads
     case = structure_case(vehicle, [layout], mesh, solver_name)
     return solid_structure(
         mesh=case.mesh.full,
