@@ -1,4 +1,4 @@
-"""What a vehicle as built, and its test, may have different from what the files state: a table, the CSV file of this name.
+"""What a vehicle as built, and its test, may have different from what the files state: the CSV file of this name.
 
 A kind has one name, one unit and one size in all uses: the prior of a calibration ([calibration] of the vehicle
 file), vehicles that are drawn as truth and error columns of a map ([noise]), cases of the fault detection study at
