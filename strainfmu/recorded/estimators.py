@@ -15,7 +15,7 @@ from typing import Any, NamedTuple, TypeVar, cast
 
 import numpy as np
 
-from strainfmu.arrays import BoolArray, FloatArray, IntArray
+from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.cosim.estimators.description import outputs_of
 from strainfmu.cosim.estimators.fmu_step import SENSORS, TEMPERATURE, FmuStep
 from strainfmu.cosim.estimators.source import is_fmu
@@ -93,17 +93,15 @@ class BlockEstimates(NamedTuple):
     ----------
     values : (n,) of each column by name: loads, coefficients, health, and ``other_columns`` of the estimator. An
         FMU does not state degrees of freedom; health of a step that it refused is NaN.
-    suspects : n tuples of gauges, by index; of an ambiguous group an FMU names the first alone.
-    worst, worst_residual : (n,) gauge with the largest |z| in samples whose health is not OK, and that |z|; -1 and
-        NaN where that is not known.
+    suspects : n texts, gauges with a semicolon between them; of an ambiguous group an FMU names the first alone.
+    worst : gauge with the largest |z|, and that |z|, of each sample whose health is not OK; none of an FMU.
     blamed : (n,) whether a gauge or an input is to blame for the health of a sample, by name.
     estimates : n estimates by a map, for their pressure; None of an FMU, and of smoothed ones.
     """
 
     values: Mapping[str, FloatArray]
-    suspects: Sequence[tuple[int, ...]]
-    worst: IntArray
-    worst_residual: FloatArray
+    suspects: Sequence[str]
+    worst: Sequence[tuple[str, float]]
     blamed: Mapping[str, BoolArray]
     estimates: Estimate | None = None
 
@@ -328,9 +326,11 @@ class MapBlocks(BlockEstimator):
     Smoothed estimates are filtered from both ends, one block ahead.
     """
 
+    inverse_map: InverseMap
+
     def __init__(self, estimator: Estimator, residuals: bool = False, smooth: bool = False) -> None:
         self.estimator, self._smooths = estimator, smooth
-        self.inverse_map = self.map = inverse_map = estimator.inverse_map
+        self.inverse_map = inverse_map = estimator.inverse_map
         manifold, n = inverse_map.manifold, inverse_map.n_strain_gauges
         self.inputs = (
             *FLOW_NAMES[1:],
@@ -387,27 +387,29 @@ class MapBlocks(BlockEstimator):
             values |= {name: np.asarray(column, dtype=float) for (name, _), column in series}
         estimates = None if smoothed_loads is not None else estimate
         rows = np.flatnonzero(estimate.health != HealthState.OK)
-        suspects: list[tuple[int, ...]] = [()] * n
-        worst, size = np.full(n, -1), np.full(n, np.nan)
+        suspects, worst = [""] * n, list[tuple[str, float]]()
         if not len(rows):
-            return BlockEstimates(values, suspects, worst, size, {}, estimates)
+            return BlockEstimates(values, suspects, worst, {}, estimates)
         part, gauges = estimate[rows], np.zeros((n, len(self.row_names)), dtype=bool)
         gauges[rows] = _missing(part.valid, part.health)
         residual = np.abs(part.standardised_residual)
-        worst[rows], size[rows] = np.argmax(residual, axis=1), np.max(residual, axis=1)
-        for row, of_row, health in zip(rows.tolist(), part.suspects, part.health.tolist(), strict=True):
-            suspects[row] = of_row
+        largest, sizes = np.argmax(residual, axis=1).tolist(), np.max(residual, axis=1).tolist()
+        worst += ((self.row_names[gauge], size) for gauge, size in zip(largest, sizes, strict=True))
+        for row, of_row, gauge, health in zip(
+            rows.tolist(), part.suspects, largest, part.health.tolist(), strict=True
+        ):
+            suspects[row] = ";".join([self.row_names[suspect] for suspect in of_row])
             if health in _MISFIT:
-                gauges[row, list(of_row or (int(worst[row]),))] = True
+                gauges[row, list(of_row or (gauge,))] = True
         contradicted = contradicted_forces(
-            self.map.inertia,
+            self.inverse_map.inertia,
             block.values([*LATERAL_FORCES]),
             estimate.loads,
             estimate.loads_std,
             self.estimator.settings.alarm_scale * chi_square_limit(1),
         )
         blamed = self._blamed(block, values, gauges, contradicted)
-        return BlockEstimates(values, suspects, worst, size, blamed, estimates)
+        return BlockEstimates(values, suspects, worst, blamed, estimates)
 
     def unfiltered(self, block: Samples) -> Estimate:
         """Return the estimates of a block without a filter."""
@@ -417,7 +419,7 @@ class MapBlocks(BlockEstimator):
         """Return the estimates of a block; thrust that the recording does not hold is 0."""
         flow, readings = block.flow, block.strain
         thrust = flow.get(THRUST, np.zeros(len(block.time)))
-        if len(self.row_names) > self.map.n_strain_gauges:
+        if len(self.row_names) > self.inverse_map.n_strain_gauges:
             readings = np.hstack([block.strain, _all_readings(block, self.wanted.readings)])
         sharpening = {name: flow[f"{name}{STD}"] for name in self.sharpening if f"{name}{STD}" in flow}
         arguments: dict[str, Any] = {
@@ -427,7 +429,7 @@ class MapBlocks(BlockEstimator):
             "parameters_std": given_flow(sharpening) if self.sharpening else None,
             **given_flow({name: flow[name] for name in QUANTITIES[1:] if name in flow}),
         }
-        readings = self.map.sensors.without_thrust(readings, thrust)
+        readings = self.inverse_map.sensors.without_thrust(readings, thrust)
         if self.estimator.filter_time_constant > 0.0:
             return self.estimator.track(readings, time=block.time, **arguments)
         estimate = self.estimator.track if self.estimator.is_nonlinear else self.estimator.estimate
@@ -490,11 +492,12 @@ class FmuBlocks(BlockEstimator):
             USABLE: np.where(np.isnan(health), np.nan, np.isin(health, USABLE_STATES)),
             **{column: outputs[name] for name, (column, _) in self._others.items()},
         }
-        suspects = [(int(gauge) - 1,) if gauge >= 1 else () for gauge in outputs[SUSPECT_GAUGE]]
+        suspect = np.nan_to_num(outputs[SUSPECT_GAUGE]).astype(int) - 1
+        suspects = [self.row_names[gauge] if gauge >= 0 else "" for gauge in suspect.tolist()]
+        rows = np.flatnonzero(np.isin(health, _MISFIT) & (suspect >= 0))
         gauges = _missing(valid, health)
-        for row in np.flatnonzero(np.isin(health, _MISFIT)).tolist():
-            gauges[row, list(suspects[row])] = True
-        return BlockEstimates(values, suspects, np.full(n, -1), unknown, self._blamed(block, values, gauges))
+        gauges[rows, suspect[rows]] = True
+        return BlockEstimates(values, suspects, (), self._blamed(block, values, gauges))
 
 
 def _all_readings(block: Samples, readings: Mapping[str, str]) -> FloatArray:

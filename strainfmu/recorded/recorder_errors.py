@@ -217,10 +217,10 @@ class RecorderWatch:
             return []
         time = np.concatenate([start.time for start in self._start])
         errors = reading_errors(time, np.concatenate([start.strain for start in self._start]))
-        lines = disagreements(errors, estimator.map)
+        lines = disagreements(errors, estimator.inverse_map)
         lines = lines or late_or_warm(
             self._flagged.samples,
-            estimator.map,
+            estimator.inverse_map,
             lambda block: np.asarray(estimator.unfiltered(block).standardised_residual),
         )
         because = "INCONSISTENT by its readings alone: " if self._flagged.most > TAKEN * FLAGGED else ""

@@ -140,12 +140,8 @@ def estimate_file(
                     if is_plain:
                         writer.write([*shown, outputs.health_words(values[STATE])])
                     else:
-                        suspects = [
-                            ";".join([estimator.row_names[i] for i in row]) if row else ""
-                            for row in estimates.suspects
-                        ]
-                        writer.write([*shown, suspects, block.faults])
-                    summary.add(block, estimates, estimator.row_names)
+                        writer.write([*shown, estimates.suspects, block.faults])
+                    summary.add(block, estimates)
                     watch.add(block, estimates.values[STATE])
                     if series is not None and estimates.estimates is not None:
                         series.write((block.time, estimates.estimates))

@@ -7,7 +7,6 @@ at most :data:`MAX_BINS` of them: when there are more, two become one.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -104,7 +103,7 @@ class History:
     _bins: list[FloatArray] = field(default_factory=list)
     _rest: list[FloatArray] = field(default_factory=list)
 
-    def add(self, block: Samples, estimates: BlockEstimates, row_names: Sequence[str]) -> None:
+    def add(self, block: Samples, estimates: BlockEstimates) -> None:
         """Take the samples of a block."""
         unknown, values = np.full(len(block.time), np.nan), estimates.values
         health = np.nan_to_num(values[STATE], nan=-1.0).astype(int)
@@ -121,10 +120,9 @@ class History:
                 self.peaks[name] = Peak(*map(float, of_row))
         if not usable.all():
             self._add_periods(block.time, health)
-        for row in np.flatnonzero(estimates.worst >= 0).tolist():
-            gauge = row_names[int(estimates.worst[row])]
-            samples, largest = self.misfits.get(gauge, Misfit())
-            self.misfits[gauge] = Misfit(samples + 1, max(largest, float(estimates.worst_residual[row])))
+        for gauge, residual in estimates.worst:
+            samples, most = self.misfits.get(gauge, Misfit())
+            self.misfits[gauge] = Misfit(samples + 1, max(most, residual))
 
     def _collect(self, rows: FloatArray) -> None:
         """Collect rows (n, n_c) in bins: (3, n_c) smallest, mean and largest of each."""
@@ -277,7 +275,7 @@ class EstimationSummary:
             lines.append(text)
         return lines
 
-    def add(self, block: Samples, estimates: BlockEstimates, row_names: Sequence[str]) -> None:
+    def add(self, block: Samples, estimates: BlockEstimates) -> None:
         """Take a block and its estimates."""
         values, health = estimates.values, estimates.values[STATE]
         for state in np.unique(health[np.isfinite(health)]):
@@ -288,7 +286,7 @@ class EstimationSummary:
                 self.by_coefficients = int(by_coefficients.sum()) + (self.by_coefficients or 0)
             counts = {gauge: int(k) for gauge, blamed in estimates.blamed.items() if (k := blamed[rows].sum())}
             self.blamed.setdefault(name, Counter()).update(counts)
-        self.history.add(block, estimates, row_names)
+        self.history.add(block, estimates)
         known = np.logical_or.reduce([np.isfinite(values[name]) for name in COEFFICIENT_NAMES])
         # The nonlinear estimator has coefficients without it.
         self.missing_pressure += int((np.isnan(block.dynamic_pressure) & ~known).sum())
