@@ -114,8 +114,6 @@ the strain of cases ``beyond`` with many undetected samples by 60 to 870."""
 LEAST_STRAIN_UM_PER_M = 1.0
 """Strain [um/m] of a slender vehicle without incidence: 0.76 at most on the shipped one at 20 km."""
 
-_TOLERANCE = 1e-9
-
 
 class Built(Section):
     """The vehicle.
@@ -479,4 +477,4 @@ def _class_of(case: Case, vehicle: Vehicle) -> CaseClass:
             (inertia.extra_kg, 0.0 if mass is None else mass.unlisted_kg),
             (inertia.bending_um_per_m, 0.0 if mass is None else mass.vibration_um_per_m),
         ]
-    return "alone" if all(abs(value) <= 2.0 * stated + _TOLERANCE for value, stated in sizes) else "beyond"
+    return "alone" if all(abs(value) <= 2.0 * stated + 1e-9 for value, stated in sizes) else "beyond"

@@ -205,7 +205,8 @@ def left_out_parts(snapshots: Snapshots) -> list[LeftOut]:
     if len(flows) < len(mach) * len(incidence):
         inside = flows[(flows[:, 1] < incidence[-1]) & np.isin(flows[:, 0], inner[0])]
         parts = [inside[first::5] for first in range(min(5, len(inside)))]
-        return [part(f"part {i} of {len(parts)}", _rows(key, keys)) for i, keys in enumerate(parts, start=1)]
+        rows = [np.flatnonzero((key[:, None] == flows).all(axis=2).any(axis=1)) for flows in parts]
+        return [part(f"part {i} of {len(parts)}", of_part) for i, of_part in enumerate(rows, start=1)]
     of_mach = [(f"M {mach:g}", key[:, 0] == mach) for mach in inner[0]]
     of_incidence = [
         (f"total incidence {degrees(incidence):.4g} deg", key[:, 1] == incidence) for incidence in inner[1]
@@ -218,11 +219,6 @@ def left_out_parts(snapshots: Snapshots) -> list[LeftOut]:
     room = [max(half, MOST_PARTS - len(group)) for group in reversed(named)]
     chosen = [_spread(group, count) for group, count in zip(named, room, strict=True)]
     return [part(name, np.flatnonzero(rows)) for group in chosen for name, rows in group]
-
-
-def _rows(key: FloatArray, flows: FloatArray) -> IntArray:
-    """Return the rows of ``key`` (n, 2) that are among ``flows`` (k, 2)."""
-    return np.flatnonzero((key[:, None, :] == flows[None, :, :]).all(axis=2).any(axis=1))
 
 
 def _spread(values: list[Any], count: int) -> list[Any]:
