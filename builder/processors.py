@@ -1,11 +1,15 @@
-"""The processors that this process may use, threads of BLAS on them, and the memory it has taken."""
+"""The processors that this process may use, threads of BLAS on them, and its memory."""
 
 from __future__ import annotations
 
+import ctypes
 import os
 import sys
 from contextlib import AbstractContextManager
 from typing import cast
+
+MALLOC_OPTIONS = {-1: 2**31 - 1, -2: 64 * 2**20, -3: 32 * 2**20}
+"""M_TRIM_THRESHOLD, M_TOP_PAD and M_MMAP_THRESHOLD of glibc's mallopt [byte]."""
 
 
 def processors() -> int:
@@ -33,3 +37,15 @@ def one_thread_of_blas() -> AbstractContextManager[object]:
     from threadpoolctl import threadpool_limits
 
     return cast(AbstractContextManager[object], threadpool_limits(1))
+
+
+def keep_freed_memory() -> None:
+    """Let the process keep the memory of freed arrays for the next ones, where the C library is glibc.
+
+    Returned to the system it is cleared page by page for every large array: `strainfmu calibrate` takes a twelfth
+    less processor time so, for a tenth more memory. It is for programs of the command line: it is of the process.
+    """
+    mallopt = getattr(ctypes.CDLL(None), "mallopt", None) if os.name == "posix" else None
+    if mallopt is not None:
+        for option, size in MALLOC_OPTIONS.items():
+            mallopt(option, size)

@@ -38,7 +38,7 @@ def test_an_arrow_is_the_dense_matrix(model: GaussianModel) -> None:
         (own @ own.T).toarray() + common @ common.T, rows @ inverse @ rows.T, rtol=1e-9, atol=1e-12
     )
     damped = model.precision_at(noise=2.0, damping=0.5)
-    right, of_noise = rows.T @ model.left, np.eye(rows.shape[1]) + rows.T @ rows / 4.0
+    right, of_noise = rows.T @ model.misfit, np.eye(rows.shape[1]) + rows.T @ rows / 4.0
     expected = np.linalg.solve(of_noise + 0.5 * np.diag(np.diag(of_noise)), right)
     np.testing.assert_allclose(damped.solve(right), expected, rtol=1e-9, atol=1e-13)
 
@@ -46,7 +46,7 @@ def test_an_arrow_is_the_dense_matrix(model: GaussianModel) -> None:
 def test_a_gaussian_model_is_least_squares_with_a_prior(model: GaussianModel) -> None:
     """By orthogonal factors of readings and prior together, which square no condition number."""
     k = model.rows.shape[1]
-    stacked, left = np.vstack([model.rows.toarray(), np.eye(k)]), np.append(model.left, np.zeros(k))
+    stacked, left = np.vstack([model.rows.toarray(), np.eye(k)]), np.append(model.misfit, np.zeros(k))
     mean = np.linalg.lstsq(stacked, left)[0]
     np.testing.assert_allclose(model.mean, mean, rtol=1e-9, atol=1e-13)
     factor, rest = np.linalg.qr(stacked)[1], left - stacked @ mean

@@ -30,21 +30,23 @@ CALIBRATED = tuple(dict.fromkeys(kind.entry for kind in AS_BUILT if "noise" in k
 """Entries of [noise] that the test takes the place of."""
 
 
-def remaining_after(found: Estimate) -> Remaining:
+def remaining_after(fit: Estimate) -> Remaining:
     """Return what a test left of the vehicle; gauges that changed since are as before it."""
-    model, n = found.model, found.model.n_built
-    vector, covariance = found.vector[:n].copy(), found.covariance[:n, :n].copy()
+    model, n = fit.model, fit.model.n_built
+    vector, covariance = fit.vector[:n].copy(), fit.covariance[:n, :n].copy()
     where = slices(model.structure.counts)
     for name, change in model.test.changed.items():
         gauge = model.structure.gauges.names.index(name)
-        own = np.array([where[kind].start + gauge for kind in (GAUGE_KINDS if change == REPLACED else (ZERO,))])
-        vector[own] = covariance[own] = covariance[:, own] = 0.0
-        covariance[own, own] = model.std[own] ** 2
+        entries = np.array(
+            [where[kind].start + gauge for kind in (GAUGE_KINDS if change == REPLACED else (ZERO,))]
+        )
+        vector[entries] = covariance[entries] = covariance[:, entries] = 0.0
+        covariance[entries, entries] = model.std[entries] ** 2
     return Remaining(parameters=model.prior.of_vector(vector), covariance=covariance)
 
 
 def calibrated_structure(
-    structure: AnyAsBuilt, parameters: AsBuilt, layout: str, others: Mapping[str, FloatArray]
+    structure: AnyAsBuilt, parameters: AsBuilt, layout: str, other_layouts: Mapping[str, FloatArray]
 ) -> MappedStructure:
     """Return the structure that maps are built on; ``others`` are operators of other layouts, as drawn."""
     if isinstance(structure, DisplacedStructure):
@@ -58,7 +60,7 @@ def calibrated_structure(
         surface=structure.surface,
         description="fourier, calibrated",
         layouts={layout: structure.gauges},
-        operators={**others, layout: structure.strain_operator(parameters)},
+        operators={**other_layouts, layout: structure.strain_operator(parameters)},
         error_operators={} if structure.mesh_error is None else {layout: structure.mesh_error},
         checked_against=StructuralModel.checked_against,
     )
@@ -75,8 +77,8 @@ def calibrated_map(
     snapshots: Snapshots,
     structure: AnyAsBuilt,
     remaining: Remaining,
-    others: Mapping[str, FloatArray] | None = None,
-    left: LeftByTest | None = None,
+    other_layouts: Mapping[str, FloatArray] | None = None,
+    remainder: LeftByTest | None = None,
 ) -> InverseMap:
     """Build the map of the vehicle as built by the section [map], with tables where it asks for them.
 
@@ -96,15 +98,15 @@ def calibrated_map(
         As :func:`builder.inverse.build.build_inverse_map`.
     """
     known = calibrated_vehicle(vehicle)
-    mapped = calibrated_structure(structure, remaining.parameters, vehicle.gauges.layout, others or {})
+    mapped = calibrated_structure(structure, remaining.parameters, vehicle.gauges.layout, other_layouts or {})
     snapshots = on_structure(snapshots, mapped)
-    if left is None:
-        left = left_by_test(structure, remaining, ensemble_of(known, snapshots))
-    problem = inverse_problem(known, snapshots, mapped, left.zeros, left.errors)
-    found = build_inverse_map(known, snapshots, mapped, left.zeros, problem)
+    if remainder is None:
+        remainder = left_by_test(structure, remaining, ensemble_of(known, snapshots))
+    problem = inverse_problem(known, snapshots, mapped, remainder.zeros, remainder.errors)
+    inverse_map = build_inverse_map(known, snapshots, mapped, remainder.zeros, problem)
     if vehicle.map.estimator == "nonlinear":
-        found = with_manifold(found, known, snapshots, mapped, left.zeros, problem)
-    return found
+        inverse_map = with_manifold(inverse_map, known, snapshots, mapped, remainder.zeros, problem)
+    return inverse_map
 
 
 def with_provenance(inverse_map: InverseMap, facts: Mapping[str, Any]) -> InverseMap:

@@ -51,10 +51,10 @@ class FittedEquations:
     @property
     def gain(self) -> FloatArray:
         """(n_l, n_d) beta [(N, N m) / (m/m)]."""
-        found = np.zeros((len(self.equations), self.test.strain.shape[1]))
-        for row, one in zip(found, self.equations, strict=True):
-            row[list(one.gauges)] = one.coefficient
-        return found
+        gain = np.zeros((len(self.equations), self.test.strain.shape[1]))
+        for row, equation in zip(gain, self.equations, strict=True):
+            row[list(equation.gauges)] = equation.coefficient
+        return gain
 
     @property
     def predicted(self) -> FloatArray:
@@ -85,7 +85,7 @@ def fit_equations(test: AppliedTest) -> FittedEquations:
     n_d, n_l = strain.shape[1], load.shape[1]
     if n_d < n_l:
         raise InputError(f"{file.path}: readings.gauges: expected at least {n_l}, one for each load, got {n_d}")
-    most = max(len(one.gauges or file.readings.gauges) for one in file.load) if file.method == "all" else n_l
+    most = max(len(load.gauges or file.readings.gauges) for load in file.load) if file.method == "all" else n_l
     if len(load) <= max(most, n_l):
         raise InputError(
             f"{file.table_path}: expected more rows than the {max(most, n_l)} gauges of an equation, got "
@@ -104,24 +104,24 @@ def fit_equations(test: AppliedTest) -> FittedEquations:
     names = file.readings.gauges
     equations = tuple(
         load_equation(
-            one.name if one.x_m is None else f"{one.name} at {one.x_m:g} m",
+            load.name if load.x_m is None else f"{load.name} at {load.x_m:g} m",
             change,
             of_load[:, k],
-            [names.index(gauge) for gauge in one.gauges or names],
+            [names.index(gauge) for gauge in load.gauges or names],
             file.method,
             known=int(is_fitted),
         )
-        for k, one in enumerate(file.load)
+        for k, load in enumerate(file.load)
     )
-    empty = [one.load for one in equations if not one.gauges]
+    empty = [equation.load for equation in equations if not equation.gauges]
     if empty:
         raise InputError(f"{file.table_path}: {empty[0]}: expected gauges whose T is 4 or more, got none")
     gain = np.zeros((n_l, n_d))
-    for row, one in zip(gain, equations, strict=True):
-        row[list(one.gauges)] = one.coefficient
+    for row, equation in zip(gain, equations, strict=True):
+        row[list(equation.gauges)] = equation.coefficient
     per_load = np.linalg.lstsq(of_load / size, change, rcond=None)[0].T / size
     per_load = per_load @ np.linalg.inv(gain @ per_load)
-    left_out = np.column_stack([one.left_out for one in equations])
+    left_out = np.column_stack([equation.left_out for equation in equations])
     return FittedEquations(
         test=test,
         equations=equations,
@@ -131,38 +131,38 @@ def fit_equations(test: AppliedTest) -> FittedEquations:
     )
 
 
-def equations_map(found: FittedEquations) -> InverseMap:
+def equations_map(fitted: FittedEquations) -> InverseMap:
     """Return the map of the equations."""
-    file, gain, per_load = found.test.file, found.gain, found.strain_per_load
+    file, gain, per_load = fitted.test.file, fitted.gain, fitted.strain_per_load
     n_d, n_l = per_load.shape
-    applied = found.test.load[~found.test.is_check]
+    applied = fitted.test.load[~fitted.test.is_check]
     size = np.abs(applied).max(axis=0)
-    strain = found.test.strain[~found.test.is_check] - found.zero
-    own = np.abs(strain).max(axis=0)
-    covariance = per_load @ found.load_covariance @ per_load.T
-    if found.redundancy:
-        left = found.strain_left[~found.test.is_check]
-        rest = left.T @ left / max(len(left) - n_l, 1)
-        rest += FLOOR * np.diag(np.maximum(np.diag(rest), (1e-6 * own) ** 2))
-        null = np.linalg.svd(gain * own)[2][n_l:].T * own[:, None]
+    strain = fitted.test.strain[~fitted.test.is_check] - fitted.zero
+    largest = np.abs(strain).max(axis=0)
+    covariance = per_load @ fitted.load_covariance @ per_load.T
+    if fitted.redundancy:
+        residual = fitted.strain_left[~fitted.test.is_check]
+        rest = residual.T @ residual / max(len(residual) - n_l, 1)
+        rest += FLOOR * np.diag(np.maximum(np.diag(rest), (1e-6 * largest) ** 2))
+        null = np.linalg.svd(gain * largest)[2][n_l:].T * largest[:, None]
         pick = np.linalg.inv(np.hstack([per_load * size, null]))[n_l:]
         covariance = covariance + null @ (pick @ rest @ pick.T) @ null.T
     covariance = 0.5 * (covariance + covariance.T)
-    names, stations = _map_loads(found)
+    names, stations = _map_loads(fitted)
     load_per_state = np.zeros((len(names), n_l))
-    for k, one in enumerate(file.load):
-        load_per_state[names.index((one.name, one.x_m)), k] = size[k]
+    for k, load in enumerate(file.load):
+        load_per_state[names.index((load.name, load.x_m)), k] = size[k]
     area, length = file.reference.area_m2, file.reference.length_m
     scale = file.reference.dynamic_pressure_Pa * area * np.array([1.0, 1.0, 1.0, length, length])
     limits = np.zeros((5, 2))
-    for k, one in enumerate(file.load):
-        at = names.index((one.name, one.x_m))
-        if at < len(COEFFICIENT_NAMES):
-            limits[at] = min(applied[:, k].min(), 0.0), max(applied[:, k].max(), 0.0)
+    for k, load in enumerate(file.load):
+        place = names.index((load.name, load.x_m))
+        if place < len(COEFFICIENT_NAMES):
+            limits[place] = min(applied[:, k].min(), 0.0), max(applied[:, k].max(), 0.0)
     limits /= scale[:, None]
     known = limits.any(axis=1)
     axes = np.eye(5)[known]
-    is_redundant = found.redundancy > 0
+    is_redundant = fitted.redundancy > 0
     wide = size if is_redundant else WIDE * size
     return InverseMap(
         vehicle=file.name,
@@ -179,7 +179,7 @@ def equations_map(found: FittedEquations) -> InverseMap:
         load_per_state=load_per_state * (wide / size),
         load_of_mean=np.zeros(len(names)),
         mean_strain=np.zeros(n_d),
-        strain_range=own,
+        strain_range=largest,
         coefficient_range=limits,
         reference_area=area,
         reference_length=length,
@@ -188,7 +188,7 @@ def equations_map(found: FittedEquations) -> InverseMap:
         envelope_limit=np.concatenate([limits[known, 1], -limits[known, 0]]),
         # The form whose FMUs state further loads; states are free, so that these do not depend on q_inf.
         form=PER_PRESSURE if len(names) > len(COEFFICIENT_NAMES) else ABSOLUTE,
-        zero_offset=found.zero,
+        zero_offset=fitted.zero,
         section_station=stations,
         provenance={
             "made_by": "strainfmu equations",
@@ -196,20 +196,22 @@ def equations_map(found: FittedEquations) -> InverseMap:
                 "test": file.path.name,
                 "tested_on": date.isoformat(file.tested_on) if file.tested_on else "",
                 "method": file.method,
-                "loads": [one.load for one in found.equations],
-                "redundant_gauges": found.redundancy,
+                "loads": [equation.load for equation in fitted.equations],
+                "redundant_gauges": fitted.redundancy,
                 "faults_of_gauges": "by chi-square" if is_redundant else "cannot be detected",
             },
         },
     )
 
 
-def _map_loads(found: FittedEquations) -> tuple[list[tuple[str, float | None]], FloatArray]:
+def _map_loads(fitted: FittedEquations) -> tuple[list[tuple[str, float | None]], FloatArray]:
     """Return name and station of every load of the map, which has all loads of a body or a section or none, and
     the stations."""
-    wanted = found.test.file.load
-    stations = sorted({one.x_m for one in wanted if one.x_m is not None})
-    whole = list(WHOLE) if stations or any(one.name == list(WHOLE)[-1] for one in wanted) else list(WHOLE)[:-1]
-    names: list[tuple[str, float | None]] = [(name, None) for name in whole]
+    wanted = fitted.test.file.load
+    stations = sorted({load.x_m for load in wanted if load.x_m is not None})
+    body_loads = (
+        list(WHOLE) if stations or any(load.name == list(WHOLE)[-1] for load in wanted) else list(WHOLE)[:-1]
+    )
+    names: list[tuple[str, float | None]] = [(name, None) for name in body_loads]
     names += [(name, station) for name in AT_STATION for station in stations]
     return names, np.array(stations)

@@ -59,9 +59,11 @@ class AllowedFlights(TrueFlights):
         error = random.standard_normal((len(strain), self.factor.shape[1])) @ self.factor.T
         _, n_g, n_d = self.by_gauge.shape
         # Zeros are taken off as estimated, so that their error is a reading of its own.
-        zeros, own, common = np.split(error, [n_d, (1 + n_g) * n_d], axis=1)
+        zeros, single, common = np.split(error, [n_d, (1 + n_g) * n_d], axis=1)
         strain = strain + self.change[number] + zeros + common @ self.by_all[number]
-        return np.asarray(strain + np.einsum("vgd,gd->vd", own.reshape(len(own), n_g, n_d), self.by_gauge[number]))
+        return np.asarray(
+            strain + np.einsum("vgd,gd->vd", single.reshape(len(single), n_g, n_d), self.by_gauge[number])
+        )
 
 
 def allowed_flights(
@@ -93,11 +95,11 @@ def allowed_flights(
         of_block = strain_of_flows(operators, structure.surface, table, flights)
         parts.append(of_block.reshape(len(conditions), len(operators), -1))
     strain = np.concatenate(parts, axis=2)
-    own = [key for key in keys if of_gauges(key)]
+    single = [key for key in keys if of_gauges(key)]
     common = [key for key in keys if not of_gauges(key)]
-    order = [1 + keys.index(key) for key in (*own, *common)]
+    order = [1 + keys.index(key) for key in (*single, *common)]
     where, place = slices(structure.counts), np.arange(len(remaining.covariance))
-    rows = [place[where[ZERO]], *(place[where[kind]] for kind, _ in own)]
+    rows = [place[where[ZERO]], *(place[where[kind]] for kind, _ in single)]
     rows.append(np.array([place[where[kind]][number] for kind, number in common], dtype=np.intp))
     value, vector = np.linalg.eigh(remaining.covariance)
     return AllowedFlights(
@@ -105,8 +107,8 @@ def allowed_flights(
         of_flow=of_flow,
         of_unit=of_unit,
         change=strain[:, 0],
-        by_gauge=strain[:, order[: len(own)]],
-        by_all=strain[:, order[len(own) :]],
+        by_gauge=strain[:, order[: len(single)]],
+        by_all=strain[:, order[len(single) :]],
         factor=vector[np.concatenate(rows)] * np.sqrt(np.maximum(value, 0.0)),
     )
 

@@ -54,10 +54,10 @@ def structure_of_test(
 
 def prior_of_test(vehicle: Vehicle, structure: AnyAsBuilt) -> AsBuilt:
     """Return the prior of the parameters of :func:`structure_of_test`, by the vehicle file."""
-    found = structure.prior(vehicle.calibration)
+    prior = structure.prior(vehicle.calibration)
     if vehicle.calibration.joint_stations_m:
-        return found
-    return found.changed(joint_softness=np.zeros(structure.counts.joint))
+        return prior
+    return prior.changed(joint_softness=np.zeros(structure.counts.joint))
 
 
 def joint_candidates(vehicle: Vehicle) -> tuple[float, ...]:
@@ -65,8 +65,10 @@ def joint_candidates(vehicle: Vehicle) -> tuple[float, ...]:
     end = wall_regions(vehicle).end
     first, last = wall_of(vehicle).solid_tip_length, vehicle.body().length
     apart = APART * (last - first)
-    found: list[float] = []
+    stations: list[float] = []
     for station in (*vehicle.body().slope_breaks.tolist(), *end[1:-1].tolist()):
-        if first + apart < station < last - apart and all(abs(station - one) > apart for one in found):
-            found.append(station)
-    return tuple(sorted(found))
+        if first + apart < station < last - apart and all(
+            abs(station - other_station) > apart for other_station in stations
+        ):
+            stations.append(station)
+    return tuple(sorted(stations))

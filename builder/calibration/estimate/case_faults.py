@@ -110,9 +110,9 @@ def case_faults(model: ReadingsModel, used: BoolArray) -> list[CaseFault]:
     return [screen.named(case, wrong) for case in sorted(wrong)]
 
 
-def case_fault_after(found: Estimate, case: int) -> CaseFault:
+def case_fault_after(fit: Estimate, case: int) -> CaseFault:
     """Return what is wrong with a case by the vehicle that the other cases of an estimate show."""
-    return _Screen(found.model, found.used).named(case, {case})
+    return _Screen(fit.model, fit.used).named(case, {case})
 
 
 class _Screen:
@@ -132,37 +132,37 @@ class _Screen:
 
     def wrong_cases(self) -> set[int]:
         """Return the numbers of the wrong cases: the worst first, then those that are left."""
-        kept = [k for k in range(len(self.used)) if self.used[k].any()]
-        most, wrong = MOST_CASES * len(kept), set[int]()
-        while len(kept) > 2:
-            off = self._left_out(kept)
+        sound = [k for k in range(len(self.used)) if self.used[k].any()]
+        most, wrong = MOST_CASES * len(sound), set[int]()
+        while len(sound) > 2:
+            off = self._left_out(sound)
             worst = max(off, key=lambda k: off[k][1])
             if off[worst][0] < GAUGES_OFF:
                 return wrong
             wrong.add(worst)
-            kept.remove(worst)
+            sound.remove(worst)
             if len(wrong) > most:
                 return set()
         return set()
 
-    def _left_out(self, kept: list[int]) -> dict[int, tuple[float, float]]:
+    def _left_out(self, sound: list[int]) -> dict[int, tuple[float, float]]:
         """Return, for each case of ``kept``, the part of its gauges that are off, and its chi-square."""
-        linear, found, first = self._linear(kept), {}, 0
-        for k in kept:
-            at = np.arange(first, first + int(self.used[k].sum()))
-            error, covariance = linear.without(at)
+        linear, distances, first = self._linear(sound), {}, 0
+        for k in sound:
+            rows = np.arange(first, first + int(self.used[k].sum()))
+            error, covariance = linear.without(rows)
             off = np.abs(error) > OFF * np.sqrt(np.diag(covariance))
-            found[k] = float(np.mean(off)), float(error @ linear.weighted[at])
-            first += len(at)
-        return found
+            distances[k] = float(np.mean(off)), float(error @ linear.weighted[rows])
+            first += len(rows)
+        return distances
 
-    def _linear(self, kept: list[int]) -> GaussianModel:
+    def _linear(self, chosen: list[int]) -> GaussianModel:
         """Return the model of the readings of the cases ``kept``, which follow each other."""
         some = np.zeros(self.used.shape, dtype=bool)
-        some[kept] = self.used[kept]
+        some[chosen] = self.used[chosen]
         weight = 1.0 / np.sqrt(self.noise[some])
         rows = scaled_columns(self.rows[np.flatnonzero(some)], np.ones(self.rows.shape[1]), weight)
-        return GaussianModel(rows, weight * (self.reading - self.predicted)[some], self.model.own)
+        return GaussianModel(rows, weight * (self.reading - self.predicted)[some], self.model.gauge_of)
 
     def named(self, case: int, wrong: set[int]) -> CaseFault:
         """Return what is wrong with a case, by the vehicle that the cases other than ``wrong`` show."""
@@ -183,18 +183,18 @@ class _Screen:
 
         ``sound`` is the model of the other cases.
         """
-        at = np.flatnonzero(self.used[case])
-        noise = self.model.test.reading_stds[case, at] ** 2 + (MODEL * cause.reading[at]) ** 2
-        own, common = sound.precision.halves(csr_array(cause.columns[at]))
-        covariance = (own @ own.T).toarray() + common @ common.T + np.diag(noise)
+        gauges = np.flatnonzero(self.used[case])
+        noise = self.model.test.reading_stds[case, gauges] ** 2 + (MODEL * cause.reading[gauges]) ** 2
+        single, common = sound.precision.halves(csr_array(cause.columns[gauges]))
+        covariance = (single @ single.T).toarray() + common @ common.T + np.diag(noise)
         if cause.more is not None:
-            covariance += cause.more[at] @ cause.more[at].T
-        left = self.reading[case, at] - cause.reading[at] - cause.columns[at] @ sound.mean
-        weighted = np.linalg.solve(covariance, left)
-        square = float(left @ weighted)
-        size = 0.0 if cause.more is None else float(cause.more[at, 0] @ weighted)
+            covariance += cause.more[gauges] @ cause.more[gauges].T
+        residual = self.reading[case, gauges] - cause.reading[gauges] - cause.columns[gauges] @ sound.mean
+        weighted = np.linalg.solve(covariance, residual)
+        square = float(residual @ weighted)
+        size = 0.0 if cause.more is None else float(cause.more[gauges, 0] @ weighted)
         density = -0.5 * (square + float(np.linalg.slogdet(covariance)[1]))
-        return float(chdtrc(len(at), square)), density, size
+        return float(chdtrc(len(gauges), square)), density, size
 
     def _of_load(self, case: int) -> tuple[BoolArray, FloatArray]:
         """Return (n,) whether a column is a zero, and the columns (n_d, n) of ``case`` without those."""
@@ -204,7 +204,7 @@ class _Screen:
     def _causes(self, case: int, wrong: set[int]) -> Iterator[_Cause]:
         """Yield what the readings of a case may be of."""
         zeros, of_load = self._of_load(case)
-        own, load = np.where(zeros, self.columns(case), 0.0), self.predicted[case]
+        of_zeros, load = np.where(zeros, self.columns(case), 0.0), self.predicted[case]
         weight, of_weight = self._of_weight(case, zeros)
         for factor, text in FACTORS.items():
             kind = {-1.0: "sign", 0.0: "no load"}.get(factor, "unit")
@@ -214,25 +214,25 @@ class _Screen:
                 kind=kind,
                 text=text,
                 reading=weight + factor * (load - weight),
-                columns=own + of_weight + factor * (of_load - of_weight),
+                columns=of_zeros + of_weight + factor * (of_load - of_weight),
             )
         yield _Cause(kind="balance", text="the recorder was balanced again", reading=load, columns=of_load)
         yield from self._of_masses(case)
         yield from self._of_other_cases(case, wrong)
-        yield from self._of_attitudes(case, zeros, own)
+        yield from self._of_attitudes(case, zeros, of_zeros)
 
     def _of_masses(self, case: int) -> Iterator[_Cause]:
         """Yield what hangs on a load without being stated, and a load of another size to compare it with."""
         stated, structure = self.model.test.cases[case], self.model.structure
         load, columns = self.predicted[case], self.columns(case)
         for known in stated.loads:
-            one = known.load
-            if not isinstance(one, PadForce | PointForce):
+            force = known.load
+            if not isinstance(force, PadForce | PointForce):
                 continue
-            weight = hanging(one, stated, MASS)
-            per_mass, of_force = structure.nominal_strain(structure.exactly_built(), (weight, one))
+            weight = hanging(force, stated, MASS)
+            per_mass, of_force = structure.nominal_strain(structure.exactly_built(), (weight, force))
             yield _Cause(kind="load", text="", reading=load, columns=columns, more=SIZE * of_force[:, None])
-            if is_along(one, weight):
+            if is_along(force, weight):
                 continue  # a load of another size
             yield _Cause(
                 kind="mass",
@@ -246,7 +246,7 @@ class _Screen:
     def _of_weight(self, case: int, zeros: BoolArray) -> tuple[FloatArray, FloatArray]:
         """Return what own weight and inertia of a case strain (n_d,), and its columns (n_d, n)."""
         stated = self.model.test.cases[case]
-        loads = tuple(one for one in stated.loads if isinstance(one.load, OF_MASS))
+        loads = tuple(known for known in stated.loads if isinstance(known.load, OF_MASS))
         none = np.zeros((self.used.shape[1], len(zeros)))
         if not loads:
             return np.zeros(len(none)), none
@@ -263,32 +263,32 @@ class _Screen:
         return reading, of_vehicle
 
     def _of_other_cases(self, case: int, wrong: set[int]) -> Iterator[_Cause]:
-        names = [one.name for one in self.model.test.cases]
-        for other in range(len(names)):
-            same = np.array_equal(self.reading[case], self.reading[other], equal_nan=True)
-            if other == case or (self._weighs(case) and self._weighs(other) and not same):
+        names = [stated.name for stated in self.model.test.cases]
+        for number in range(len(names)):
+            same = np.array_equal(self.reading[case], self.reading[number], equal_nan=True)
+            if number == case or (self._weighs(case) and self._weighs(number) and not same):
                 continue  # another attitude, which has a name of its own
-            kind, text = "mislabelled", f"its readings fit the loads of case '{names[other]}'"
-            noise = np.hypot(self.model.test.reading_stds[case], self.model.test.reading_stds[other])
-            difference = np.abs(self.reading[case] - self.reading[other])
+            kind, text = "mislabelled", f"its readings fit the loads of case '{names[number]}'"
+            noise = np.hypot(self.model.test.reading_stds[case], self.model.test.reading_stds[number])
+            difference = np.abs(self.reading[case] - self.reading[number])
             if np.nanmax(difference / noise) < 2.0 * OFF:
-                kind, text = "duplicate", f"its readings repeat case '{names[other]}'"
-            elif other in wrong:
-                kind, text = "interchanged", f"its readings are interchanged with case '{names[other]}'"
-            columns, more = self.columns(other), None
+                kind, text = "duplicate", f"its readings repeat case '{names[number]}'"
+            elif number in wrong:
+                kind, text = "interchanged", f"its readings are interchanged with case '{names[number]}'"
+            columns, more = self.columns(number), None
             columns[:, self.model.drift_entries] = self.columns(case)[:, self.model.drift_entries]
             if kind == "mislabelled":  # the loads were applied once more, with errors of their own
-                own = self.model.load_entries
-                more, columns[:, own] = columns[:, own].copy(), 0.0
-            yield _Cause(kind=kind, text=text, reading=self.predicted[other], columns=columns, more=more)
+                entries = self.model.load_entries
+                more, columns[:, entries] = columns[:, entries].copy(), 0.0
+            yield _Cause(kind=kind, text=text, reading=self.predicted[number], columns=columns, more=more)
 
     def _weighs(self, case: int) -> bool:
         """Return whether own weight is the only load of a case."""
-        return all(isinstance(one.load, Weight) for one in self.model.test.cases[case].loads)
+        return all(isinstance(known.load, Weight) for known in self.model.test.cases[case].loads)
 
-    def _of_attitudes(self, case: int, zeros: BoolArray, own: FloatArray) -> Iterator[_Cause]:
+    def _of_attitudes(self, case: int, zeros: BoolArray, of_zeros: FloatArray) -> Iterator[_Cause]:
         stated = self.model.test.cases[case]
-        weight = [one.load for one in stated.loads]
+        weight = [known.load for known in stated.loads]
         if len(weight) != 1 or not isinstance(weight[0], Weight):
             return
         turned = tuple(
@@ -300,30 +300,32 @@ class _Screen:
             for turn, text in TURNS.items()
         )
         reading, of_vehicle = self._bare(turned, zeros)
-        for k, one in enumerate(turned):
-            columns = own.copy()
+        for k, attitude in enumerate(turned):
+            columns = of_zeros.copy()
             columns[:, : self.model.n_built] += of_vehicle[k]
-            yield _Cause(kind="attitude", text=f"the vehicle is {one.name}", reading=reading[k], columns=columns)
+            yield _Cause(
+                kind="attitude", text=f"the vehicle is {attitude.name}", reading=reading[k], columns=columns
+            )
 
     def _by_a_factor(self, case: int, mean: FloatArray) -> tuple[str, float]:
         """Return by how much the loads differ at best, in words; own weight apart where it is not the only one."""
         zeros, of_load = self._of_load(case)
-        own, load = np.where(zeros, self.columns(case), 0.0), self.predicted[case]
-        at = np.flatnonzero(self.used[case])
+        of_zeros, load = np.where(zeros, self.columns(case), 0.0), self.predicted[case]
+        gauges = np.flatnonzero(self.used[case])
         if not self._weighs(case):
             weight, of_weight = self._of_weight(case, zeros)
-            own, of_load, load = own + of_weight, of_load - of_weight, load - weight
-        left = (self.reading[case] - (self.predicted[case] - load) - own @ mean)[at]
-        load = (load + of_load @ mean)[at]
-        factor = float(load @ left) / max(float(load @ load), 1e-300)
-        rest = float(np.linalg.norm(left - factor * load) / max(float(np.linalg.norm(left)), 1e-300))
+            of_zeros, of_load, load = of_zeros + of_weight, of_load - of_weight, load - weight
+        residual = (self.reading[case] - (self.predicted[case] - load) - of_zeros @ mean)[gauges]
+        load = (load + of_load @ mean)[gauges]
+        factor = float(load @ residual) / max(float(load @ load), 1e-300)
+        rest = float(np.linalg.norm(residual - factor * load) / max(float(np.linalg.norm(residual)), 1e-300))
         if rest > 0.5:
             return "its readings fit no cause that is known", float("nan")
         text = f"loads differ by {factor - 1.0:+.1%} from what is stated"
         units = [name for unit, name in FACTORS.items() if abs(factor - unit) < NEAR_UNIT * unit]
         if units:
             return f"{text}, nearly as if {units[0]}", factor
-        forces = [cell_force(one.load) for one in self.model.test.cases[case].loads]
+        forces = [cell_force(known.load) for known in self.model.test.cases[case].loads]
         if len(forces) == 1 and forces[0] > 0.0:
             more = (factor - 1.0) * forces[0]
             text += f", by {more:+.3g} N, the weight of {more / STANDARD_GRAVITY:+.2g} kg"

@@ -87,8 +87,8 @@ OF_GAUGE = ("gauge_gain", "orientation", "axial_shift", "circumferential_shift",
 
 def causes_of(model: ReadingsModel) -> list[Cause]:
     """Return every cause that sets entries of the vector free and does so by more than the model does already."""
-    found = [*_of_vehicle(model), *_of_test(model), *_of_loads(model), *_of_gauges(model)]
-    return [one for one in found if one.together or np.any(one.wide > model.std[one.entries])]
+    causes = [*_of_vehicle(model), *_of_test(model), *_of_loads(model), *_of_gauges(model)]
+    return [fault for fault in causes if fault.together or np.any(fault.wide > model.std[fault.entries])]
 
 
 def _of_vehicle(model: ReadingsModel) -> Iterator[Cause]:
@@ -112,7 +112,7 @@ def _of_vehicle(model: ReadingsModel) -> Iterator[Cause]:
 
 def _of_test(model: ReadingsModel) -> Iterator[Cause]:
     first, rig, drift, n_k = model.common_entries.start, model.rig_entry, model.drift_entries, len(model.cells)
-    whole = {
+    common = {
         "direction": (np.arange(first, rig), np.full(rig - first, WIDE_TURN)),
         "rig": (np.array([rig]), np.array([WIDE_RIG])),
         "pad size": (np.array([rig + 1]), np.array([WIDE_SIZE])),
@@ -122,7 +122,7 @@ def _of_test(model: ReadingsModel) -> Iterator[Cause]:
             np.append(np.full(model.structure.n_gauges, WIDE_HYSTERESIS / 5.0), WIDE_HYSTERESIS),
         ),
     }
-    for kind, (entries, wide) in whole.items():
+    for kind, (entries, wide) in common.items():
         yield Cause(where="vehicle", kind=kind, entries=entries, wide=wide)
     for cell in range(n_k):
         if model.std[model.cell_entries.start + cell] > 0.0:
@@ -133,14 +133,14 @@ def _of_test(model: ReadingsModel) -> Iterator[Cause]:
 
 def _of_loads(model: ReadingsModel) -> Iterator[Cause]:
     first = model.cell_entries.start - len(model.loads)
-    for number, (_, one) in enumerate(model.loads):
-        if one.std > 0.0:
+    for number, (_, known) in enumerate(model.loads):
+        if known.std > 0.0:
             entries = np.array([first + number])
             yield Cause(where="load", kind="load", number=number, entries=entries, wide=np.array([WIDE_LOAD]))
     tilts = len(PAD_STEPS) - 2  # the last two of each load
-    for number, (case, one) in enumerate(model.loads):
-        if isinstance(one.load, PadForce | PointForce):
-            change = change_by(one.load, hanging(one.load, model.test.cases[case], WIDE_MASS))
+    for number, (case, known) in enumerate(model.loads):
+        if isinstance(known.load, PadForce | PointForce):
+            change = change_by(known.load, hanging(known.load, model.test.cases[case], WIDE_MASS))
             turn = model.cell_entries.stop + len(PAD_STEPS) * number + tilts
             entries = np.array([first + number, turn, turn + 1])
             yield Cause(where="load", kind="mass", number=number, entries=entries, wide=change, together=True)
@@ -174,22 +174,24 @@ class Evidence:
     ) -> None:
         self.model, self.used, self.causes = model, used, causes_of(model)
         wide = model.std.copy()
-        for one in self.causes:
-            wide[one.entries] = np.maximum(wide[one.entries], one.wide)
+        for cause in self.causes:
+            wide[cause.entries] = np.maximum(wide[cause.entries], cause.wide)
         predicted, jacobian = model.with_std(wide).jacobian(vector)
         self._noise = np.hypot(model.test.reading_stds, model_error * predicted)[used]
         self._predicted = predicted[used]
         free = model.std > 0.0
         slope = model.slopes(used, jacobian, self._noise)
-        left = model.left(used, vector, predicted, self._noise) + slope @ vector
+        misfit = model.misfit(used, vector, predicted, self._noise) + slope @ vector
         rows = scaled_columns(slope, model.std)[:, np.flatnonzero(free)]
-        self._linear, self._slope = GaussianModel(rows, left, model.own[free]), slope.tocsc()
+        self._linear, self._slope = GaussianModel(rows, misfit, model.gauge_of[free]), slope.tocsc()
 
     def ranking(self) -> list[tuple[Cause, float]]:
         """Return every cause, the best first, with the logarithm of how much more probable it makes the readings
         than it must."""
-        every = [(one, self._of_terms(one)) for one in self.causes]
-        gains = ((one, gain - least_of(one)) for one, gain in (*every, *self._of_scatter(), self._of_noise()))
+        every = [(cause, self._of_terms(cause)) for cause in self.causes]
+        gains = (
+            (cause, gain - least_of(cause)) for cause, gain in (*every, *self._of_scatter(), self._of_noise())
+        )
         return sorted(gains, key=lambda pair: -pair[1])
 
     def best(self) -> Cause | None:
@@ -199,8 +201,8 @@ class Evidence:
 
     def sizes(self, cause: Cause) -> FloatArray:
         """Return what the readings say of the entries of ``cause``, (n_entries,), or of its one quantity, (1,)."""
-        b, a, own = self._terms(cause)
-        return np.asarray(own * np.linalg.solve(a, b))
+        b, a, std = self._terms(cause)
+        return np.asarray(std * np.linalg.solve(a, b))
 
     def part_of_gauge(self, cause: Cause) -> float:
         """Return what ``cause`` of a gauge changes of its readings, over the changes from case to case [1]."""
@@ -219,23 +221,23 @@ class Evidence:
     def _terms(self, cause: Cause) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return b and A of the module's formula, and the standard deviations that the columns are scaled by."""
         if cause.together:
-            own = np.ones(1)
+            std = np.ones(1)
             columns = csr_array((self._slope[:, cause.entries] @ cause.wide)[:, None])
         else:
-            own = np.sqrt(np.maximum(cause.wide**2 - self.model.std[cause.entries] ** 2, 0.0))
-            columns = scaled_columns(self._slope[:, cause.entries].tocsr(), own)
+            std = np.sqrt(np.maximum(cause.wide**2 - self.model.std[cause.entries] ** 2, 0.0))
+            columns = scaled_columns(self._slope[:, cause.entries].tocsr(), std)
         b, a = self._linear.terms(columns)
-        return b, np.eye(len(a)) + a, own
+        return b, np.eye(len(a)) + a, std
 
     def _of_noise(self) -> tuple[Cause, float]:
         before = self.model.noise_factor  # noise that was taken for larger before another cause was found
         best, factor = -np.inf, 1.0
-        for one in (1.0, *NOISES):
-            if not np.isclose(one, before):
-                density = self._linear.density(one / before)
+        for level in (1.0, *NOISES):
+            if not np.isclose(level, before):
+                density = self._linear.density(level / before)
                 if density < best:
                     break  # it has one maximum
-                best, factor = density, one / before
+                best, factor = density, level / before
         none = np.zeros(0)
         cause = Cause(where="noise", kind="noise", entries=none.astype(np.int64), wide=none, factor=factor)
         return cause, best - self._linear.density()
@@ -247,11 +249,11 @@ class Evidence:
         for where, axis in (("gauge", 1), ("case", 0)):
             for number in np.unique(places[:, axis]).tolist():
                 rows = np.flatnonzero(places[:, axis] == number)
-                precision, left = self._linear.precision_of(rows), self._linear.weighted[rows]
+                precision, misfit = self._linear.precision_of(rows), self._linear.weighted[rows]
                 gain, scatter = -np.inf, 0.0
                 for size in SCATTERS:
                     root = np.linalg.cholesky(np.eye(len(rows)) + size**2 * precision)
-                    half = size * solve_triangular(root, left, lower=True)
+                    half = size * solve_triangular(root, misfit, lower=True)
                     more = 0.5 * float(half @ half) - float(np.sum(np.log(np.diag(root))))
                     if more < gain:
                         break  # it has one maximum

@@ -53,26 +53,26 @@ class CheckLoad:
 
 
 def check_loads(
-    found: Estimate, equations: Sequence[LoadEquation] = (), moment_station: float = 0.0
+    fit: Estimate, equations: Sequence[LoadEquation] = (), moment_station: float = 0.0
 ) -> list[CheckLoad]:
     """Return the check loads of a test; moments of ``equations`` are about ``moment_station`` [m].
 
     Gauges that the estimate left out are left out here as well.
     """
-    model = found.model
+    model = fit.model
     checks = [k for k, case in enumerate(model.test.cases) if case.check]
     if not checks:
         return []
-    readings, jacobian = model.jacobian(found.vector)
-    strain = (1.0 + model.errors(found.vector).scale)[:, None] * model.load_strains(found.parameters)
-    loads = applied_loads(model, moment_station, float(found.parameters.mass[0]))
-    good = np.asarray(found.used.any(axis=0))
+    readings, jacobian = model.jacobian(fit.vector)
+    strain = (1.0 + model.errors(fit.vector).scale)[:, None] * model.load_strains(fit.parameters)
+    loads = applied_loads(model, moment_station, float(fit.parameters.mass[0]))
+    good = np.asarray(fit.used.any(axis=0))
     return [
         _check_load(
-            found,
+            fit,
             k,
             use=good & np.isfinite(model.test.readings[k]),
-            left=model.test.readings[k] - readings[k],
+            residual=model.test.readings[k] - readings[k],
             jacobian=jacobian[k * good.size : (k + 1) * good.size].toarray(),
             strain=strain,
             equations=equations,
@@ -83,23 +83,23 @@ def check_loads(
 
 
 def _check_load(
-    found: Estimate,
+    fit: Estimate,
     case: int,
     *,
     use: np.ndarray,
-    left: FloatArray,
+    residual: FloatArray,
     jacobian: FloatArray,
     strain: FloatArray,
     equations: Sequence[LoadEquation],
     loads: FloatArray,
 ) -> CheckLoad:
-    model = found.model
+    model = fit.model
     stated, columns = model.test.cases[case], jacobian[use]
-    covariance = columns @ found.covariance @ columns.T + np.diag(stated.reading_std[use] ** 2)
+    covariance = columns @ fit.covariance @ columns.T + np.diag(stated.reading_std[use] ** 2)
     root = np.linalg.cholesky(covariance)
-    white = np.linalg.solve(root, left[use])
+    white = np.linalg.solve(root, residual[use])
     square, count = float(white @ white), int(use.sum())
-    on_cell = [n for n, (k, one) in enumerate(model.loads) if k == case and one.on_load_cell]
+    on_cell = [n for n, (k, known) in enumerate(model.loads) if k == case and known.on_load_cell]
     difference = std = float("nan")
     if on_cell and count:
         # The covariance has the size of the loads as known to its own error: the prior of the factor is in it.
@@ -107,7 +107,7 @@ def _check_load(
         std = 1.0 / float(np.sqrt(along @ along))
         difference = float(along @ white) * std**2
     group = model.groups.index(stated.group)
-    without_zero = model.test.readings[case] - model.errors(found.vector).zero[group]
+    without_zero = model.test.readings[case] - model.errors(fit.vector).zero[group]
     return CheckLoad(
         case=stated.name,
         applied=float(sum(cell_force(model.loads[n][1].load) for n in on_cell)),
@@ -115,7 +115,9 @@ def _check_load(
         std=std,
         chi_square=square / max(count, 1),
         chance=float(chdtrc(count, square)) if count else 1.0,
-        by_equations=np.array([float(one.value(without_zero[None])[0]) for one in equations] or [np.nan] * 5),
+        by_equations=np.array(
+            [float(equation.value(without_zero[None])[0]) for equation in equations] or [np.nan] * 5
+        ),
         loads=loads,
     )
 
@@ -138,25 +140,25 @@ class LeftOut:
     chi_square: float
 
 
-def cross_validation(found: Estimate) -> list[LeftOut]:
+def cross_validation(fit: Estimate) -> list[LeftOut]:
     """Return every used case, predicted by an estimate without it, with the derivatives of the whole one.
 
     It shows whether the calibration foretells what it has not seen.
     """
-    model, used = found.model, found.used
-    linear, of_case, rows = found.linear, np.argwhere(used)[:, 0], list[LeftOut]()
+    model, used = fit.model, fit.used
+    linear, of_case, rows = fit.linear, np.argwhere(used)[:, 0], list[LeftOut]()
     for k, case in enumerate(model.test.cases):
-        at = np.flatnonzero(of_case == k)
-        if not len(at):
+        rows_of_case = np.flatnonzero(of_case == k)
+        if not len(rows_of_case):
             continue
-        left, covariance = linear.without(at)
+        residual, covariance = linear.without(rows_of_case)
         noise = model.test.reading_stds[k, used[k]]
         rows.append(
             LeftOut(
                 case=case.name,
-                rms=float(np.sqrt(np.mean((noise * left) ** 2))),
+                rms=float(np.sqrt(np.mean((noise * residual) ** 2))),
                 stated=float(np.sqrt(np.mean(noise**2 * np.diag(covariance)))),
-                chi_square=float(left @ linear.weighted[at]) / len(at),
+                chi_square=float(residual @ linear.weighted[rows_of_case]) / len(rows_of_case),
             )
         )
     return rows

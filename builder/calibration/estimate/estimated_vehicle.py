@@ -74,9 +74,9 @@ def minimum(model: ReadingsModel, used: BoolArray, start: FloatArray | None = No
     free = model.std > 0.0
     std = model.std[free]
 
-    def cost(at: FloatArray, predicted: FloatArray) -> float:
-        left = model.left(used, at, predicted)
-        return float(left @ left + np.sum((at[free] / std) ** 2))
+    def cost(place: FloatArray, predicted: FloatArray) -> float:
+        misfit = model.misfit(used, place, predicted)
+        return float(misfit @ misfit + np.sum((place[free] / std) ** 2))
 
     vector = np.zeros(len(model.std)) if start is None else start * free
     predicted, jacobian = model.at_drawing() if start is None else model.jacobian(vector)
@@ -93,7 +93,7 @@ def minimum(model: ReadingsModel, used: BoolArray, start: FloatArray | None = No
         if ended:
             vector = _moved(vector, free, change * std)
         else:
-            downhill = linear.rows.T @ (linear.left - linear.rows @ before) - before
+            downhill = linear.rows.T @ (linear.misfit - linear.rows @ before) - before
             lower, fall = None, float(downhill @ change)  # what the cost falls by if readings are linear
             for _ in range(TRIALS if fresh else 1):
                 step = change if damping == 0.0 else linear.precision_at(damping=damping).solve(downhill)
@@ -127,9 +127,9 @@ def minimum(model: ReadingsModel, used: BoolArray, start: FloatArray | None = No
 
 def _moved(vector: FloatArray, free: BoolArray, change: FloatArray) -> FloatArray:
     """Return ``vector`` (n,) with ``change`` added where it is ``free``."""
-    found = vector.copy()
-    found[free] += change
-    return found
+    changed = vector.copy()
+    changed[free] += change
+    return changed
 
 
 FITS = (0.02, 3.0)
@@ -204,7 +204,7 @@ class Estimate:
     @property
     def allowed(self) -> float:
         """How far :attr:`per_reading` may be from 1: it is the sum of squares of normal numbers."""
-        square = self.n_readings - 2.0 * np.trace(self._learned) + np.sum(self._learned**2)
+        square = self.n_readings - 2.0 * np.trace(self._learned) + np.vdot(self._learned, self._learned)
         return FITS[0] + FITS[1] * float(np.sqrt(2.0 * max(square, 0.0))) / max(self.freedom, 1.0)
 
     @property
@@ -225,7 +225,7 @@ class Estimate:
         """Whether :attr:`from_priors` is no larger than of a vehicle and loads within their tolerances."""
         counted = ~self.model.is_zero
         learned = self._learned[np.ix_(counted, counted)]
-        most = FITS[0] + FITS[1] * float(np.sqrt(2.0 * np.sum(learned**2)) / max(np.trace(learned), 1e-300))
+        most = FITS[0] + FITS[1] * float(np.sqrt(2.0 * np.vdot(learned, learned)) / max(np.trace(learned), 1e-300))
         return self.from_priors <= 1.0 + most
 
     @property
@@ -263,10 +263,10 @@ class Estimate:
     def has_diverged(self) -> bool:
         """Whether the steps found no vehicle: a misfit near the drawing's, or gauges that read the reverse."""
         model, used = self.model, self.used
-        left = (model.test.readings - drawing_readings(model, used))[used] / model.test.reading_stds[used]
-        most = float(np.sum(left**2)) * (1.0 if self.settled else NEAR_DRAWING)
-        built = self.parameters
-        reads = float(np.median(gain_of(built))) / (1.0 + float(built.youngs_modulus[0]))
+        misfit = (model.test.readings - drawing_readings(model, used))[used] / model.test.reading_stds[used]
+        most = float(np.sum(misfit**2)) * (1.0 if self.settled else NEAR_DRAWING)
+        as_built = self.parameters
+        reads = float(np.median(gain_of(as_built))) / (1.0 + float(as_built.youngs_modulus[0]))
         return not (self.chi_square <= most and reads > 0.0)
 
     @property
@@ -274,11 +274,11 @@ class Estimate:
         """Readings that no vehicle near the drawing has: one factor shows a wrong sign, unit or load."""
         drawing, test, changes = self.model.at_drawing()[0], self.model.test, []
         for part in (drawing, test.readings):
-            seen = np.where(self.used, part, 0.0)
+            shown = np.where(self.used, part, 0.0)
             for group in self.model.groups:  # what the loads change, without the zeros
                 rows = np.array([case.group == group for case in test.cases])
-                seen[rows] -= seen[rows].sum(axis=0) / np.maximum(self.used[rows].sum(axis=0), 1)
-            changes.append(seen[self.used])
+                shown[rows] -= shown[rows].sum(axis=0) / np.maximum(self.used[rows].sum(axis=0), 1)
+            changes.append(shown[self.used])
         size = float(changes[0] @ changes[0])
         factor = float(changes[0] @ changes[1]) / size if size > 0.0 else float("nan")
         return (
@@ -310,8 +310,8 @@ class Estimate:
     def residuals(self) -> FloatArray:
         """(n_cases, n_d) measured less predicted, in the standard deviations of the readings; NaN if not used."""
         test = self.model.test
-        found = (test.readings - self.after) / test.reading_stds
-        return np.where(self.used, found, np.nan)
+        residuals = (test.readings - self.after) / test.reading_stds
+        return np.where(self.used, residuals, np.nan)
 
 
 def usable(model: ReadingsModel) -> BoolArray:
@@ -336,9 +336,9 @@ def estimate(model: ReadingsModel, used: BoolArray, start: FloatArray | None = N
     test, free = model.test, model.std > 0.0
     reading, noise = test.readings[used], test.reading_stds[used]
     after = model.readings(vector)
-    left = (reading - after[used]) / noise
+    residual = (reading - after[used]) / noise
     full = np.zeros((len(vector), len(vector)))
-    full[np.ix_(free, free)] = end.linear.covariance
+    full[np.ix_(free, free)] = end.linear.precision.inverse
     full *= model.std[:, None]
     full *= model.std
     return Estimate(
@@ -348,7 +348,7 @@ def estimate(model: ReadingsModel, used: BoolArray, start: FloatArray | None = N
         used=used,
         before=drawing_readings(model, used),
         after=after,
-        chi_square=float(np.sum(left[~model.structure.at_break[np.argwhere(used)[:, 1]]] ** 2)),
+        chi_square=float(np.sum(residual[~model.structure.at_break[np.argwhere(used)[:, 1]]] ** 2)),
         steps=end.steps,
         settled=end.settled,
         last_step=(model.names[end.farthest], end.length),
@@ -358,9 +358,9 @@ def estimate(model: ReadingsModel, used: BoolArray, start: FloatArray | None = N
 def drawing_readings(model: ReadingsModel, used: BoolArray) -> FloatArray:
     """Return what the vehicle of the drawing reads (n_cases, n_d), its zeros the mean of what is left."""
     predicted = model.at_drawing()[0].copy()
-    left = np.where(used, model.test.readings - predicted, 0.0)
+    residual = np.where(used, model.test.readings - predicted, 0.0)
     for group in model.groups:
         rows = np.array([case.group == group for case in model.test.cases])
         count = np.maximum(used[rows].sum(axis=0), 1)
-        predicted[rows] += left[rows].sum(axis=0) / count
+        predicted[rows] += residual[rows].sum(axis=0) / count
     return predicted

@@ -100,10 +100,10 @@ def calibrate_with_faults(model: ReadingsModel) -> tuple[Estimate, tuple[Fault, 
         No reading is left, or the steps lead away from the readings.
     """
     with np.errstate(over="ignore", invalid="ignore"):  # where the steps diverge, which is refused
-        found, faults = _without_faults(_with_model_error(model))
-        if found.has_diverged:
-            raise InputError(f"load test: {found.far_off}")
-    return found, faults
+        fit, faults = _without_faults(_with_model_error(model))
+        if fit.has_diverged:
+            raise InputError(f"load test: {fit.far_off}")
+    return fit, faults
 
 
 def _with_model_error(model: ReadingsModel) -> ReadingsModel:
@@ -116,17 +116,17 @@ def _with_model_error(model: ReadingsModel) -> ReadingsModel:
 def _without_faults(model: ReadingsModel) -> tuple[Estimate, tuple[Fault, ...]]:
     """Return :func:`calibrate_with_faults`, whether its steps ended near the readings or not."""
     model, faults = _before_the_estimate(model)
-    found = estimate(model, _left(model, faults))
-    found, faults = _with_causes(found, faults)
+    fit = estimate(model, _left(model, faults))
+    fit, faults = _with_causes(fit, faults)
     while True:
-        wrong = None if _blamed(found.model, faults).are_many else worst_load(found)
+        wrong = None if _blamed(fit.model, faults).are_many else worst_load(fit)
         if wrong is None:
-            return found, tuple(faults)
+            return fit, tuple(faults)
         faults.append(wrong)
-        used = _left(found.model, faults)
+        used = _left(fit.model, faults)
         if not used.any():
-            return found, tuple(faults)
-        found = estimate(found.model, used, start=found.vector)
+            return fit, tuple(faults)
+        fit = estimate(fit.model, used, start=fit.vector)
 
 
 def _before_the_estimate(model: ReadingsModel) -> tuple[ReadingsModel, list[Fault]]:
@@ -137,10 +137,10 @@ def _before_the_estimate(model: ReadingsModel) -> tuple[ReadingsModel, list[Faul
     judged without a gauge, a load or a case whose own fault does so more.
     """
     faults = named_faults(model, usable(model))
-    sure = [one for one in faults if one.kind not in UNNAMED]
+    sure = [fault for fault in faults if fault.kind not in UNNAMED]
     for _ in range(MOST_CAUSES):
-        sure = [one for one in sure if one not in _shared(faults)]
-        if all(one.kind not in UNNAMED for one in faults) and not _shared(faults):
+        sure = [fault for fault in sure if fault not in _shared(faults)]
+        if all(fault.kind not in UNNAMED for fault in faults) and not _shared(faults):
             break
         used = _left(model, sure)
         cause = Evidence(model, used, np.zeros(len(model.std)), MODEL).best() if used.any() else None
@@ -149,51 +149,51 @@ def _before_the_estimate(model: ReadingsModel) -> tuple[ReadingsModel, list[Faul
         if cause.where in ("vehicle", "noise"):
             model = freed(model, cause)
             faults = named_faults(model, usable(model))
-            sure = [one for one in faults if one.kind not in UNNAMED]
+            sure = [fault for fault in faults if fault.kind not in UNNAMED]
         else:  # left out while others are looked for, and named after the estimate
-            left = Fault(where=_place(model, cause), kind=cause.kind, line="")
-            sure = [*sure, left]
-            others = _left(model, [left])
-            if others.any():
-                known = [one for one in faults if one.where == left.where]
-                faults = [*known, *named_faults(model, others)]
+            suspect = Fault(where=_place(model, cause), kind=cause.kind, line="")
+            sure = [*sure, suspect]
+            usable_rest = _left(model, [suspect])
+            if usable_rest.any():
+                known = [fault for fault in faults if fault.where == suspect.where]
+                faults = [*known, *named_faults(model, usable_rest)]
     return model, faults
 
 
 def _shared(faults: Sequence[Fault]) -> list[Fault]:
     """Return the masses on loads where there are several: what hangs on all is one cause."""
-    masses = [one for one in faults if one.kind == "mass"]
+    masses = [fault for fault in faults if fault.kind == "mass"]
     return masses if len(masses) > 1 else []
 
 
-def _with_causes(found: Estimate, faults: list[Fault]) -> tuple[Estimate, list[Fault]]:
+def _with_causes(fit: Estimate, faults: list[Fault]) -> tuple[Estimate, list[Fault]]:
     """Return the estimate and its faults after all causes that make the readings more probable, the best first.
 
     Readings that :data:`MOST_CAUSES` do not explain are no more than what they were before.
     """
-    before, sure = found, faults
+    before, sure = fit, faults
     for _ in range(MOST_CAUSES):
-        if _blamed(found.model, faults).are_many:
-            return found, faults
-        evidence = Evidence(found.model, found.used, found.vector)
+        if _blamed(fit.model, faults).are_many:
+            return fit, faults
+        evidence = Evidence(fit.model, fit.used, fit.vector)
         cause = evidence.best()
         if cause is None:
-            return found, faults
-        model = found.model
+            return fit, faults
+        model = fit.model
         if cause.where == "load" and _of_the_load(evidence, cause) < LEAST_OF_LOAD:
             model = model.with_wider_std(cause.entries, LEAST_OF_LOAD)  # less exact than stated, and estimated
         elif cause.where == "gauge" and evidence.part_of_gauge(cause) < LEAST_OF_GAUGE:
             model = _less_exact(model, cause)
-        elif cause.where == "case" and abs(case_fault_after(found, cause.number).factor - 1.0) < LEAST_OF_LOAD:
-            return found, faults  # too little to be named
+        elif cause.where == "case" and abs(case_fault_after(fit, cause.number).factor - 1.0) < LEAST_OF_LOAD:
+            return fit, faults  # too little to be named
         elif cause.where in ("vehicle", "noise"):
             model = freed(model, cause)
         else:
-            faults = [*faults, _fault_of(found, cause)]
+            faults = [*faults, _fault_of(fit, cause)]
         used = _left(model, faults)
         if not used.any():
             break
-        found = estimate(model, used, start=found.vector)
+        fit = estimate(model, used, start=fit.vector)
     return before, sure
 
 
@@ -219,18 +219,18 @@ def _place(model: ReadingsModel, cause: Cause) -> str:
     return model.test.cases[model.loads[cause.number][0] if cause.where == "load" else cause.number].name
 
 
-def _fault_of(found: Estimate, cause: Cause) -> Fault:
+def _fault_of(fit: Estimate, cause: Cause) -> Fault:
     """Return the gauge, the load or the case of a cause as a fault."""
-    model = found.model
+    model = fit.model
     name = _place(model, cause)
     if cause.where == "gauge":
         text = "its readings fit no cause that is known"
         if cause.kind == "gain":
-            gain, tolerance = (float(one[cause.entries[0]]) for one in (found.vector, model.std))
+            gain, tolerance = (float(vector[cause.entries[0]]) for vector in (fit.vector, model.std))
             text = f"its gain differs by about {gain:+.0%}, {abs(gain / tolerance):.0f} times its tolerance"
         return Fault(where=name, kind=cause.kind, line=f"gauge '{name}': {text}")
     case = model.loads[cause.number][0] if cause.where == "load" else cause.number
-    fault = case_fault_after(found, case)
+    fault = case_fault_after(fit, case)
     return Fault(where=name, kind=fault.kind, line=f"load case '{name}': {fault.text}")
 
 
@@ -260,7 +260,7 @@ def _blamed(model: ReadingsModel, faults: Sequence[Fault]) -> _Blamed:
     read, blamed = usable(model), {fault.where for fault in faults}
     gauges = [name for g, name in enumerate(model.structure.gauges.names) if read[:, g].any()]
     cases = [case for k, case in enumerate(model.test.cases) if read[k].any()]
-    loaded = [case for case in cases if not all(isinstance(one.load, OF_MASS) for one in case.loads)] or cases
+    loaded = [case for case in cases if not all(isinstance(known.load, OF_MASS) for known in case.loads)] or cases
     return _Blamed(
         gauges=len(blamed & set(gauges)),
         of_gauges=len(gauges),
@@ -271,13 +271,13 @@ def _blamed(model: ReadingsModel, faults: Sequence[Fault]) -> _Blamed:
 
 def too_many(model: ReadingsModel, faults: Sequence[Fault]) -> str:
     """Return that too many gauges, loads, or both are left out as faults, in one clause; empty otherwise."""
-    found = _blamed(model, faults)
-    if not found.are_many and not (found.gauges and found.loads):
+    blamed = _blamed(model, faults)
+    if not blamed.are_many and not (blamed.gauges and blamed.loads):
         return ""
     return (
-        f"{found.gauges} of {found.of_gauges} gauges and {found.loads} of {found.of_loads} loads would have to be "
-        f"left out, expected at most {100.0 * MOST_AT_FAULT:g} % of the gauges or of the loads, not both; look "
-        "for what they have in common, or correct what is named"
+        f"{blamed.gauges} of {blamed.of_gauges} gauges and {blamed.loads} of {blamed.of_loads} loads would have "
+        f"to be left out, expected at most {100.0 * MOST_AT_FAULT:g} % of the gauges or of the loads, not both; "
+        "look for what they have in common, or correct what is named"
     )
 
 
@@ -290,10 +290,10 @@ def named_faults(model: ReadingsModel, used: BoolArray) -> list[Fault]:
     names, gauges = [case.name for case in model.test.cases], model.structure.gauges.names
 
     def without(faults: list[Fault]) -> BoolArray:
-        left, blamed = used.copy(), {fault.where for fault in faults}
-        left[[name in blamed for name in names]] = False
-        left[:, [name in blamed for name in gauges]] = False
-        return left
+        remaining, blamed = used.copy(), {fault.where for fault in faults}
+        remaining[[name in blamed for name in names]] = False
+        remaining[:, [name in blamed for name in gauges]] = False
+        return remaining
 
     cases = wrong_cases(model, used)
     cases_first = [*cases, *gauge_faults(model, without(cases))]
@@ -305,17 +305,21 @@ def named_faults(model: ReadingsModel, used: BoolArray) -> list[Fault]:
     return min(cases_first, gauges_first, key=_count)
 
 
-def _count(found: list[Fault]) -> tuple[int, int]:
+def _count(faults: list[Fault]) -> tuple[int, int]:
     """Return how many faults there are, and of how many no cause is known."""
-    return len(found), sum(one.kind in UNNAMED for one in found)
+    return len(faults), sum(fault.kind in UNNAMED for fault in faults)
 
 
 def wrong_cases(model: ReadingsModel, used: BoolArray) -> list[Fault]:
     """Return the load cases whose readings are of another load than the one stated."""
     names = [case.name for case in model.test.cases]
     return [
-        Fault(where=names[one.case], kind=one.kind, line=f"load case '{names[one.case]}': {one.text}")
-        for one in case_faults(model, used)
+        Fault(
+            where=names[case_fault.case],
+            kind=case_fault.kind,
+            line=f"load case '{names[case_fault.case]}': {case_fault.text}",
+        )
+        for case_fault in case_faults(model, used)
     ]
 
 
@@ -332,13 +336,13 @@ def gauge_faults(model: ReadingsModel, used: BoolArray) -> list[Fault]:
     return [_named(scatter, g, bad, reading, names) for g in bad]
 
 
-def worst_load(found: Estimate) -> Fault | None:
+def worst_load(fit: Estimate) -> Fault | None:
     """Return the load that would have to differ most, in standard deviations; None if all fit.
 
     Loads that differ by less than :data:`LEAST_OF_LOAD` fit.
     """
-    model = found.model
-    shift, size = load_shifts(found)
+    model = fit.model
+    shift, size = load_shifts(fit)
     shift = np.where(np.abs(size) < LEAST_OF_LOAD, 0.0, shift)
     if not len(shift) or np.abs(shift).max() < LOAD_ALARM:
         return None
@@ -354,22 +358,22 @@ def worst_load(found: Estimate) -> Fault | None:
     )
 
 
-def load_shifts(found: Estimate) -> tuple[FloatArray, FloatArray]:
+def load_shifts(fit: Estimate) -> tuple[FloatArray, FloatArray]:
     """Return how far each load is from its statement in standard deviations, and relative to it, (n_loads,) each.
 
     The load's own error is what the others readings and all priors say without the prior of that error.
     """
-    model = found.model
+    model = fit.model
     first = model.n_built + (len(model.groups) - 1) * model.structure.n_gauges
     index = first + np.arange(len(model.loads))
-    prior, after = model.std[index] ** 2, np.diag(found.covariance)[index]
+    prior, after = model.std[index] ** 2, np.diag(fit.covariance)[index]
     shift, size = np.zeros(len(index)), np.zeros(len(index))
-    used = np.array([found.used[k].any() for k, _ in model.loads])
+    used = np.array([fit.used[k].any() for k, _ in model.loads])
     # Take the prior out: theta / after = likelihood's part + 0 / prior.
     known = (prior > 0.0) & used & (after < 0.999 * prior)
     of_data = np.full(len(index), np.inf)
     of_data[known] = 1.0 / (1.0 / after[known] - 1.0 / prior[known])
-    size[known] = found.vector[index][known] / after[known] * of_data[known]
+    size[known] = fit.vector[index][known] / after[known] * of_data[known]
     shift[known] = size[known] / np.sqrt(of_data[known] + prior[known])
     return shift, size
 
@@ -381,20 +385,20 @@ def doubtful_cases(model: ReadingsModel, scatter: _GaugeScatter) -> BoolArray:
     a few gauges at fault.
     """
     first = model.n_built + (len(model.groups) - 1) * model.structure.n_gauges
-    found, shape = np.zeros(len(model.test.cases), dtype=bool), model.test.readings.shape
+    doubtful, shape = np.zeros(len(model.test.cases), dtype=bool), model.test.readings.shape
     left_out = [scatter.left_out(gauge) for gauge in range(shape[1])]
     error, std = (np.array(part).T for part in zip(*left_out, strict=True))
     columns = model.at_drawing()[1].tocsc()
-    for number, (case, one) in enumerate(model.loads):
-        if one.std > 0.0:
+    for number, (case, known) in enumerate(model.loads):
+        if known.std > 0.0:
             strain = columns[:, [first + number]].toarray().reshape(shape)[case]
             some = np.isfinite(error[case]) & (strain != 0.0)
             value, weight = error[case, some] / strain[some], np.abs(strain[some]) / std[case, some]
             if len(value):
                 order = np.argsort(value)
                 middle = np.searchsorted(np.cumsum(weight[order]), 0.5 * weight.sum())
-                found[case] |= bool(abs(value[order][middle]) > DOUBTFUL_LOAD)
-    return found
+                doubtful[case] |= bool(abs(value[order][middle]) > DOUBTFUL_LOAD)
+    return doubtful
 
 
 class _GaugeScatter:
@@ -404,21 +408,21 @@ class _GaugeScatter:
         self.used, self.predicted, self.reading = used, predicted, model.test.readings
         self.noise = model.test.reading_stds
         columns, (n_c, n_d) = scaled_columns(jacobian, model.std), used.shape
-        each = (columns[gauge + n_d * np.arange(n_c)] for gauge in range(n_d))
-        self.spread = [(one @ one.T).toarray() for one in each]
+        by_gauge = (columns[gauge + n_d * np.arange(n_c)] for gauge in range(n_d))
+        self.spread = [(slopes @ slopes.T).toarray() for slopes in by_gauge]
 
     def left_out(self, gauge: int) -> tuple[FloatArray, FloatArray]:
         """Return what the readings (n_cases,) of a gauge differ by from their prediction by its other readings,
         and standard deviations of that [m/m]; NaN of readings that are not used."""
-        rows, found = self.used[:, gauge], np.full((2, len(self.used)), np.nan)
+        rows, prediction_error = self.used[:, gauge], np.full((2, len(self.used)), np.nan)
         covariance = self.spread[gauge][np.ix_(rows, rows)] + np.diag(self.noise[rows, gauge] ** 2)
         precision = np.linalg.inv(covariance)
-        left = self.reading[rows, gauge] - self.predicted[rows, gauge]
+        misfit = self.reading[rows, gauge] - self.predicted[rows, gauge]
         variance = 1.0 / np.maximum(np.diag(precision), 1e-300)
-        found[:, rows] = variance * (precision @ left), np.sqrt(variance)
-        return found[0], found[1]
+        prediction_error[:, rows] = variance * (precision @ misfit), np.sqrt(variance)
+        return prediction_error[0], prediction_error[1]
 
-    def chance(self, gauge: int, reading: FloatArray, of: int | None = None, factor: float = 1.0) -> float:
+    def chance(self, gauge: int, reading: FloatArray, as_gauge: int | None = None, factor: float = 1.0) -> float:
         """Return the probability that readings (n_cases,) of gauge ``of`` scatter as much as these.
 
         ``factor`` is what readings were multiplied by, their noise with them; where it is stated for all gauges
@@ -427,13 +431,13 @@ class _GaugeScatter:
         rows = self.used[:, gauge]
         if not rows.any():
             return 1.0
-        at = gauge if of is None else of
+        model_gauge = gauge if as_gauge is None else as_gauge
         noise = factor * self.noise[rows, gauge]
         if factor < 1.0:
             noise = np.maximum(noise, np.median(self.noise))
-        covariance = self.spread[at][np.ix_(rows, rows)] + np.diag(noise**2)
-        left = reading[rows] - self.predicted[rows, at]
-        return float(chdtrc(rows.sum(), left @ np.linalg.solve(covariance, left)))
+        covariance = self.spread[model_gauge][np.ix_(rows, rows)] + np.diag(noise**2)
+        misfit = reading[rows] - self.predicted[rows, model_gauge]
+        return float(chdtrc(rows.sum(), misfit @ np.linalg.solve(covariance, misfit)))
 
     def follows(self, gauge: int) -> bool:
         """Return whether the gauge's readings go with what is predicted, whatever their unit."""
@@ -448,22 +452,22 @@ def _named(
     scatter: _GaugeScatter, gauge: int, bad: list[int], reading: FloatArray, names: tuple[str, ...]
 ) -> Fault:
     """Return what is wrong with a gauge."""
-    own, name = reading[:, gauge], names[gauge]
+    readings, name = reading[:, gauge], names[gauge]
     rows = scatter.used[:, gauge]
     # Before "dead": in a unit 1000 times as large, readings may move by no more than noise is said to.
     for factor in UNITS if scatter.follows(gauge) else ():
-        if scatter.chance(gauge, own * factor, factor=factor) > FITS:
+        if scatter.chance(gauge, readings * factor, factor=factor) > FITS:
             line = f"gauge '{name}': wrong unit, its readings fit when multiplied by {factor:g}"
             return Fault(where=name, kind="unit", line=line)
-    changes = np.std(own[rows])
-    if changes < 5.0 * np.median(scatter.noise[rows, gauge]) and len(own[rows]) > 1:
+    changes = np.std(readings[rows])
+    if changes < 5.0 * np.median(scatter.noise[rows, gauge]) and len(readings[rows]) > 1:
         return Fault(where=name, kind="dead", line=f"gauge '{name}': dead, it reads the same under every load")
-    if scatter.chance(gauge, -own) > FITS:
+    if scatter.chance(gauge, -readings) > FITS:
         return Fault(where=name, kind="sign", line=f"gauge '{name}': wrong sign")
-    partners = [g for g in bad if g != gauge and scatter.chance(gauge, own, of=g) > FITS]
-    back = [g for g in partners if scatter.chance(g, reading[:, g], of=gauge) > FITS]
+    partners = [g for g in bad if g != gauge and scatter.chance(gauge, readings, as_gauge=g) > FITS]
+    back = [g for g in partners if scatter.chance(g, reading[:, g], as_gauge=gauge) > FITS]
     if back:
-        best = max(back, key=lambda g: scatter.chance(gauge, own, of=g))
+        best = max(back, key=lambda g: scatter.chance(gauge, readings, as_gauge=g))
         line = f"gauge '{name}': swapped with '{names[best]}'"
         return Fault(where=name, kind="swapped", line=line)
     return Fault(where=name, kind="gauge", line=f"gauge '{name}': its readings fit no cause that is known")

@@ -19,18 +19,18 @@ from strainfmu.arrays import FloatArray
 from strainfmu.estimator.map.inverse_map import LOAD_NAMES
 
 
-def load_equations(found: Estimate, moment_station: float) -> list[LoadEquation]:
+def load_equations(fit: Estimate, moment_station: float) -> list[LoadEquation]:
     """Return the equation of each load from the cases that were used; zeros are taken off.
 
     The loads are the forces and moments of what was applied, weight included, about ``moment_station`` [m].
     """
-    model, used = found.model, found.used
+    model, used = fit.model, fit.used
     good = np.asarray(used.any(axis=0))
     rows = np.asarray(used[:, good].all(axis=1))
-    errors = model.errors(found.vector)
+    errors = model.errors(fit.vector)
     group = [model.groups.index(case.group) for case in model.test.cases]
     strain = (model.test.readings - errors.zero[group])[rows]
-    loads = applied_loads(model, moment_station, float(found.parameters.mass[0]))[rows]
+    loads = applied_loads(model, moment_station, float(fit.parameters.mass[0]))[rows]
     gauges = np.flatnonzero(good).tolist()
     return [load_equation(name, strain, loads[:, k], gauges, "selected") for k, name in enumerate(LOAD_NAMES)]
 
@@ -38,14 +38,14 @@ def load_equations(found: Estimate, moment_station: float) -> list[LoadEquation]
 def applied_loads(model: ReadingsModel, moment_station: float, mass: float = 0.0) -> FloatArray:
     """Return the five loads (n_cases, 5) of every case as stated [N, N m]; ``mass`` is the vehicle's error [1]."""
     structure = model.structure.loaded
-    found = np.zeros((len(model.test.cases), 5))
+    resultant = np.zeros((len(model.test.cases), 5))
     for k, case in enumerate(model.test.cases):
         acting: list[Load] = [
-            scaled(one.load, 1.0 + mass) if isinstance(one.load, OF_MASS) else one.load
-            for one in case.loads
-            if not isinstance(one.load, TemperatureField)
+            scaled(known.load, 1.0 + mass) if isinstance(known.load, OF_MASS) else known.load
+            for known in case.loads
+            if not isinstance(known.load, TemperatureField)
         ]
         x, y, z, _, about_y, about_z = load_resultant(structure, acting)
         nose_up, nose_port = about_y + moment_station * z, about_z - moment_station * y
-        found[k] = x, z, y, nose_up, -nose_port
-    return found
+        resultant[k] = x, z, y, nose_up, -nose_port
+    return resultant

@@ -84,14 +84,14 @@ class SteppedCase:
         return (int(before[0]), int(after[-1])) if len(before) and len(after) else None
 
     def _differences(self, reading: FloatArray) -> tuple[FloatArray, FloatArray]:
-        found, std = [], []
+        differences, std = [], []
         for k in np.flatnonzero(self.unloading):
             same = np.flatnonzero(~self.unloading & np.isclose(self.part, self.part[k], atol=1e-3))
             if len(same) and self.part[k] > 0.0:
-                found.append(reading[k] - reading[same[-1]])
+                differences.append(reading[k] - reading[same[-1]])
                 std.append(np.hypot(self.reading_std[k], self.reading_std[same[-1]]))
         shape = (0, reading.shape[1])
-        return np.array(found).reshape(-1, *shape[1:]), np.array(std).reshape(-1, *shape[1:])
+        return np.array(differences).reshape(-1, *shape[1:]), np.array(std).reshape(-1, *shape[1:])
 
 
 def stepped_cases(test: LoadTest) -> list[SteppedCase]:
@@ -100,15 +100,17 @@ def stepped_cases(test: LoadTest) -> list[SteppedCase]:
 
 
 def _stepped(case: LoadCase) -> SteppedCase:
-    loading = [one for one in case.steps if not one.unloading]
-    unloading = [one for one in case.steps if one.unloading]
+    loading = [step for step in case.steps if not step.unloading]
+    unloading = [step for step in case.steps if step.unloading]
     return SteppedCase(
         name=case.name,
-        part=np.array([*(one.part for one in loading), 1.0, *(one.part for one in unloading)]),
+        part=np.array([*(step.part for step in loading), 1.0, *(step.part for step in unloading)]),
         unloading=np.array([False] * (len(loading) + 1) + [True] * len(unloading)),
-        reading=np.array([*(one.reading for one in loading), case.reading, *(one.reading for one in unloading)]),
+        reading=np.array(
+            [*(step.reading for step in loading), case.reading, *(step.reading for step in unloading)]
+        ),
         reading_std=np.array(
-            [*(one.reading_std for one in loading), case.reading_std, *(one.reading_std for one in unloading)]
+            [*(step.reading_std for step in loading), case.reading_std, *(step.reading_std for step in unloading)]
         ),
     )
 
@@ -134,19 +136,21 @@ def step_parts(test: LoadTest, used: BoolArray) -> StepParts:
     without load."""
     cells, rows = list[str](), list[list[float]]()
     for case, is_used in zip(test.cases, used, strict=True):
-        on = [one for one in case.loads if one.on_load_cell and cell_force(one.load) > 0.0]
+        on = [known for known in case.loads if known.on_load_cell and cell_force(known.load) > 0.0]
         if is_used and case.steps and len(on) == 1:
             of_case = _parts_of(_stepped(case))
             rows += [[cell_force(on[0].load), *row, on[0].std] for row in of_case]
             cells += [on[0].load_cell] * len(of_case)
     force, part, value, std, load = np.array(rows).reshape(-1, 5).T
     for cell in dict.fromkeys(cells):
-        at = np.flatnonzero([one == cell for one in cells])
-        curve = np.vander(part[at] * force[at], 3)[:, :2] - np.vander(force[at], 3)[:, :2]
+        places = np.flatnonzero([name == cell for name in cells])
+        curve = np.vander(part[places] * force[places], 3)[:, :2] - np.vander(force[places], 3)[:, :2]
         curve = np.column_stack(
-            [curve / np.maximum(np.abs(curve).max(axis=0), 1e-300), 1.0 / (part[at] * force[at])]
+            [curve / np.maximum(np.abs(curve).max(axis=0), 1e-300), 1.0 / (part[places] * force[places])]
         )
-        std[at] = np.hypot(std[at], _own_scatter(curve, value[at], std[at], float(load[at].max())))
+        std[places] = np.hypot(
+            std[places], _own_scatter(curve, value[places], std[places], float(load[places].max()))
+        )
     return StepParts(cells, force, part, value, std)
 
 
@@ -158,15 +162,15 @@ def _own_scatter(curve: FloatArray, value: FloatArray, std: FloatArray, stated: 
         return stated
     rest = value - curve @ np.linalg.lstsq(curve / std[:, None], value / std)[0]
 
-    def beyond(own: float) -> float:
-        return float(np.sum(rest**2 / (std**2 + own**2))) - freedom
+    def beyond(scatter: float) -> float:
+        return float(np.sum(rest**2 / (std**2 + scatter**2))) - freedom
 
     return 0.0 if beyond(0.0) <= 0.0 else float(brentq(beyond, 0.0, np.linalg.norm(rest)))
 
 
 def _parts_of(case: SteppedCase) -> list[tuple[float, float, float]]:
     """Return part, part by the readings over it less 1, and its standard deviation by noise, of each step."""
-    none, whole = np.flatnonzero(case.part == 0.0), int(np.count_nonzero(~case.unloading)) - 1
+    none, full_load = np.flatnonzero(case.part == 0.0), int(np.count_nonzero(~case.unloading)) - 1
     good = np.isfinite(case.reading).all(axis=0)
     if not len(none) or not good.any():
         return []
@@ -174,9 +178,9 @@ def _parts_of(case: SteppedCase) -> list[tuple[float, float, float]]:
     zero = np.array([np.interp(order, none, column) for column in reading[none].T]).T
     weight = 1.0 / np.mean(case.reading_std[:, good] ** 2, axis=0)
     change = reading - zero
-    size = float(change[whole] ** 2 @ weight)
-    some = np.flatnonzero((case.part > 0.0) & (order != whole))
-    ratio = change[some] @ (weight * change[whole]) / size / case.part[some] - 1.0
+    size = float(change[full_load] ** 2 @ weight)
+    some = np.flatnonzero((case.part > 0.0) & (order != full_load))
+    ratio = change[some] @ (weight * change[full_load]) / size / case.part[some] - 1.0
     noise = np.sqrt((2.0 + case.part[some] ** 2) / size) / case.part[some]
     return list(zip(case.part[some].tolist(), ratio.tolist(), noise.tolist(), strict=True))
 
@@ -203,7 +207,7 @@ def _remark(what: str, rows: Sequence[tuple[str, FloatArray, FloatArray]]) -> li
     if not rows:
         return []
     value, std = np.array([row[1] for row in rows]), np.array([row[2] for row in rows])
-    rms, noise = (float(np.sqrt(np.nanmean(one**2))) for one in (value, std))
+    rms, noise = (float(np.sqrt(np.nanmean(values**2))) for values in (value, std))
     if not rms > BEYOND * noise:
         return []
     worst = int(np.nanargmax(np.sqrt(np.nanmean(value**2, axis=1))))

@@ -64,10 +64,10 @@ class OutsideTerm:
     @property
     def line(self) -> str:
         """What is said of the term."""
-        at = "" if self.crest is None else f", thickest at {np.rad2deg(self.crest):.0f} deg and opposite"
+        place = "" if self.crest is None else f", thickest at {np.rad2deg(self.crest):.0f} deg and opposite"
         return (
             f"the wall's {self.kind} in region {self.region + 1}: {100.0 * self.size:.2g} +- "
-            f"{100.0 * self.std:.1g} %{at}"
+            f"{100.0 * self.std:.1g} %{place}"
         )
 
 
@@ -114,62 +114,63 @@ class OutsideModel:
     @property
     def found(self) -> tuple[OutsideKind, ...]:
         """Kinds that are not zero."""
-        return tuple(one for one in self.kinds if one.chance < ALARM / len(self.kinds))
+        return tuple(kind for kind in self.kinds if kind.chance < ALARM / len(self.kinds))
 
     @property
     def lines(self) -> tuple[str, ...]:
         """What is found and what to do, in lines; none where nothing is."""
-        return tuple(line for one in self.found for line in self._lines(one))
+        return tuple(line for kind in self.found for line in self._lines(kind))
 
-    def _lines(self, one: OutsideKind) -> list[str]:
-        if one.kind == NOISE:
+    def _lines(self, kind: OutsideKind) -> list[str]:
+        if kind.kind == NOISE:
             return [
                 f"outside the model: the readings scatter {self.over_stated:.2g} times as much as stated; state "
                 "their noise (readings.reading_std_um_per_m, or windows of more samples) and calibrate again"
             ]
-        named = [term for term in one.terms if abs(term.size) > NAMED * term.std] or [
-            max(one.terms, key=lambda term: abs(term.size) / term.std)
+        named = [term for term in kind.terms if abs(term.size) > NAMED * term.std] or [
+            max(kind.terms, key=lambda term: abs(term.size) / term.std)
         ]
-        size = 100.0 * float(np.sqrt(np.mean([term.size**2 for term in one.terms])))
+        size = 100.0 * float(np.sqrt(np.mean([term.size**2 for term in kind.terms])))
         return [f"outside the model: {term.line}" for term in named] + [
-            f"the sigmas of the map leave the wall's {one.kind} out; with calibration.{ENTRIES[one.kind]} = "
+            f"the sigmas of the map leave the wall's {kind.kind} out; with calibration.{ENTRIES[kind.kind]} = "
             f"{size:.1g} in the vehicle file it is estimated"
         ]
 
 
-def outside_model(found: Estimate) -> OutsideModel:
+def outside_model(fit: Estimate) -> OutsideModel:
     """Return what the test of ``found`` says of the errors that its estimate takes for zero."""
-    model, used, linear = found.model, found.used, found.linear
-    held = model.held_derivatives(found.vector)
-    columns = np.zeros((len(linear.left), len(held)))
-    for number, one in enumerate(held.values()):
-        columns[: used.sum(), number] = WIDE * one[used] / model.test.reading_stds[used]
-    own_of_wide = np.append(linear.own, np.full(len(held), -1))
-    wide = GaussianModel(hstack([linear.rows, csr_array(columns)]).tocsr(), linear.left, own_of_wide)
-    own = slice(linear.rows.shape[1], None)
-    size, covariance = WIDE * wide.mean[own], WIDE**2 * wide.covariance[own, own]
+    model, used, linear = fit.model, fit.used, fit.linear
+    derivatives = model.held_derivatives(fit.vector)
+    columns = np.zeros((len(linear.misfit), len(derivatives)))
+    for number, derivative in enumerate(derivatives.values()):
+        columns[: used.sum(), number] = WIDE * derivative[used] / model.test.reading_stds[used]
+    gauge_of_wide = np.append(linear.gauge_of, np.full(len(derivatives), -1))
+    wide = GaussianModel(hstack([linear.rows, csr_array(columns)]).tocsr(), linear.misfit, gauge_of_wide)
+    of_terms = slice(linear.rows.shape[1], None)
+    size, covariance = WIDE * wide.mean[of_terms], WIDE**2 * wide.covariance[of_terms, of_terms]
     of_noise, factor = _noise(wide)
     scale = max(factor**2, 1.0) if of_noise.chance < ALARM else 1.0
-    keys = list(held)
+    keys = list(derivatives)
     kinds = [_kind(kind, keys, size, scale * covariance) for kind in KINDS if _places(kind, keys)]
     return OutsideModel(kinds=(*kinds, of_noise), noise_factor=factor, counted=model.noise_factor)
 
 
 def _noise(wide: GaussianModel) -> tuple[OutsideKind, float]:
     """Return the test of the noise, larger than stated, and its factor; M is the S^-1 of ``wide``."""
-    learned = np.eye(len(wide.covariance)) - wide.covariance
-    trace = len(wide.left) - float(np.trace(learned))
-    square = trace - float(np.trace(learned) - np.sum(learned**2))
+    # 1 - C is what the readings determine: the sum of its squares is k - 2 tr C + tr C^2.
+    unknown = float(np.trace(wide.covariance))
+    trace = len(wide.misfit) - len(wide.covariance) + unknown
+    square = trace - unknown + float(np.vdot(wide.covariance, wide.covariance))
     statistic = float(np.sum(wide.weighted**2))
     # Chi-square of the same mean and variance.
     freedom = trace**2 / square
-    one = OutsideKind(
+    noise = OutsideKind(
         kind=NOISE,
         statistic=statistic * trace / square,
         freedom=freedom,
         chance=float(chdtrc(freedom, statistic * trace / square)),
     )
-    return one, float(np.sqrt(max(1.0 + (statistic - trace) / square, 0.0)))
+    return noise, float(np.sqrt(max(1.0 + (statistic - trace) / square, 0.0)))
 
 
 def _places(kind: str, keys: Sequence[Key]) -> list[int]:
@@ -178,31 +179,31 @@ def _places(kind: str, keys: Sequence[Key]) -> list[int]:
 
 def _kind(kind: str, keys: Sequence[Key], size: FloatArray, covariance: FloatArray) -> OutsideKind:
     """Return the test of one kind; ``size`` and ``covariance`` are of all ``keys``."""
-    at = _places(kind, keys)
-    own = covariance[np.ix_(at, at)]
-    statistic = float(size[at] @ np.linalg.solve(own, size[at]))
-    regions = sorted({keys[number][1] for number in at})
-    terms = [_term(kind, k, [n for n in at if keys[n][1] == k], size, covariance) for k in regions]
+    places = _places(kind, keys)
+    of_kind = covariance[np.ix_(places, places)]
+    statistic = float(size[places] @ np.linalg.solve(of_kind, size[places]))
+    regions = sorted({keys[number][1] for number in places})
+    terms = [_term(kind, k, [n for n in places if keys[n][1] == k], size, covariance) for k in regions]
     return OutsideKind(
         kind=kind,
         statistic=statistic,
-        freedom=len(at),
-        chance=float(chdtrc(len(at), statistic)),
+        freedom=len(places),
+        chance=float(chdtrc(len(places), statistic)),
         terms=tuple(terms),
-        std=float(np.sqrt(np.mean(np.diag(own)))),
+        std=float(np.sqrt(np.mean(np.diag(of_kind)))),
     )
 
 
-def _term(kind: str, region: int, at: list[int], size: FloatArray, covariance: FloatArray) -> OutsideTerm:
-    own, spread = size[at], covariance[np.ix_(at, at)]
-    if len(at) == 1:
-        return OutsideTerm(kind=kind, region=region, size=float(own[0]), std=float(np.sqrt(spread[0, 0])))
-    crest = float(np.hypot(*own))
-    along = own / max(crest, 1e-300)
+def _term(kind: str, region: int, places: list[int], size: FloatArray, covariance: FloatArray) -> OutsideTerm:
+    sizes, spread = size[places], covariance[np.ix_(places, places)]
+    if len(places) == 1:
+        return OutsideTerm(kind=kind, region=region, size=float(sizes[0]), std=float(np.sqrt(spread[0, 0])))
+    crest = float(np.hypot(*sizes))
+    along = sizes / max(crest, 1e-300)
     return OutsideTerm(
         kind=kind,
         region=region,
         size=crest,
         std=float(np.sqrt(along @ spread @ along)),
-        crest=float(0.5 * np.arctan2(own[1], own[0]) % np.pi),
+        crest=float(0.5 * np.arctan2(sizes[1], sizes[0]) % np.pi),
     )

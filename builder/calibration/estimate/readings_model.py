@@ -152,49 +152,56 @@ class ReadingsModel:
         self.structure, self.test, self.prior = structure, test, _of_test(prior, test)
         self.n_built = len(prior.vector)
         self.groups = list(dict.fromkeys(case.group for case in test.cases))
-        self.loads = [(k, one) for k, case in enumerate(test.cases) for one in case.loads]
-        self.cells = list(dict.fromkeys(one.load_cell for _, one in self.loads if one.on_load_cell)) or ["1"]
+        self.loads = [(k, known) for k, case in enumerate(test.cases) for known in case.loads]
+        self.cells = list(dict.fromkeys(known.load_cell for _, known in self.loads if known.on_load_cell)) or ["1"]
         self.causes: tuple[Cause, ...] = ()
         self._on_cell = self._load_cells()
-        self._turns = np.array([common_turns(one.load) for _, one in self.loads]).reshape(-1, 2, len(DIRECTIONS))
+        self._turns = np.array([common_turns(known.load) for _, known in self.loads]).reshape(
+            -1, 2, len(DIRECTIONS)
+        )
         self.time = np.linspace(0.0, 1.0, len(test.cases))
-        self._pads = [self._checked_pad_columns(test.cases[k].name, one.load) for k, one in self.loads]
+        self._pads = [self._checked_pad_columns(test.cases[k].name, known.load) for k, known in self.loads]
         self._sizes = np.array(
-            [self._size_column(one.load, pads[2]) for (_, one), pads in zip(self.loads, self._pads, strict=True)]
+            [
+                self._size_column(known.load, pads[2])
+                for (_, known), pads in zip(self.loads, self._pads, strict=True)
+            ]
         )
         self._hung = [
-            (k, hanging(one.load, test.cases[k], 1.0)) for k, one in self.loads if isinstance(one.load, PLACED)
+            (k, hanging(known.load, test.cases[k], 1.0))
+            for k, known in self.loads
+            if isinstance(known.load, PLACED)
         ]
         self._together: dict[str, Any] = {}
         self._kept: dict[tuple[bool, bool], _Kept] = {}
-        built = parameter_names(structure.gauges.names, structure.counts)
+        vehicle_names = parameter_names(structure.gauges.names, structure.counts)
         extra, std = self._extra_names(), self._extra_std()
-        self.names, self.std = (*built, *extra), np.concatenate([self.prior.vector, std])
+        self.names, self.std = (*vehicle_names, *extra), np.concatenate([self.prior.vector, std])
 
     def with_readings(self, readings: FloatArray, stds: FloatArray | None = None) -> ReadingsModel:
         """Return the model of the same loads with other readings (n_cases, n_d) [m/m]; solved parts are shared.
 
         ``stds`` (n_cases, n_d) are their standard deviations [m/m]; as they are by default.
         """
-        own = self.test.reading_stds if stds is None else stds
+        reading_stds = self.test.reading_stds if stds is None else stds
         cases = tuple(
             replace(case, reading=row, reading_std=std)
-            for case, row, std in zip(self.test.cases, readings, own, strict=True)
+            for case, row, std in zip(self.test.cases, readings, reading_stds, strict=True)
         )
-        found = copy(self)
-        found.test = replace(self.test, cases=cases)
-        return found
+        model = copy(self)
+        model.test = replace(self.test, cases=cases)
+        return model
 
     @property
     def noise_factor(self) -> float:
         """The noise that counts over what the test states [1]."""
-        return float(np.prod([one.factor for one in self.causes if one.where == "noise"]))
+        return float(np.prod([cause.factor for cause in self.causes if cause.where == "noise"]))
 
     def with_std(self, std: FloatArray) -> ReadingsModel:
         """Return the same model with other standard deviations (n,) of the vector before the test."""
-        found = copy(self)
-        found.std, found.prior = std, self.prior.of_vector(std[: self.n_built])
-        return found
+        model = copy(self)
+        model.std, model.prior = std, self.prior.of_vector(std[: self.n_built])
+        return model
 
     def with_wider_std(self, entries: IntArray, std: FloatArray | float) -> ReadingsModel:
         """Return the same model where ``entries`` (k,) have at least the standard deviations ``std`` (k,)."""
@@ -204,9 +211,9 @@ class ReadingsModel:
 
     def of_causes(self, *causes: Cause) -> ReadingsModel:
         """Return the same model with more ``causes``."""
-        found = copy(self)
-        found.causes = (*self.causes, *causes)
-        return found
+        model = copy(self)
+        model.causes = (*self.causes, *causes)
+        return model
 
     def at_drawing(self) -> tuple[FloatArray, csr_array]:
         """Return :meth:`jacobian` of the vehicle and the loads as stated."""
@@ -220,15 +227,15 @@ class ReadingsModel:
     @property
     def is_zero(self) -> BoolArray:
         """(n,) whether an entry of the vector is a zero of the recorder, or its drift."""
-        found, at = np.zeros(len(self.std), dtype=bool), slices(self.structure.counts)[ZERO]
-        found[at] = found[self.drift_entries] = True
-        found[self.n_built : self.n_built + (len(self.groups) - 1) * self.structure.n_gauges] = True
-        return found
+        is_zero, of_zeros = np.zeros(len(self.std), dtype=bool), slices(self.structure.counts)[ZERO]
+        is_zero[of_zeros] = is_zero[self.drift_entries] = True
+        is_zero[self.n_built : self.n_built + (len(self.groups) - 1) * self.structure.n_gauges] = True
+        return is_zero
 
     @cached_property
-    def own(self) -> IntArray:
+    def gauge_of(self) -> IntArray:
         """(n,) the gauge whose readings alone depend on an entry of the vector, -1 of others."""
-        found, gauge, where = (
+        gauge_of, gauge, where = (
             np.full(len(self.std), -1),
             np.arange(self.structure.n_gauges),
             slices(self.structure.counts),
@@ -236,22 +243,24 @@ class ReadingsModel:
         zeros = self.n_built + len(gauge) * np.arange(len(self.groups) - 1)
         drift = self.drift_entries
         for first in (*(where[kind].start for kind in GAUGE_KINDS), *zeros, drift.start, drift.stop):
-            found[first + gauge] = gauge
-        return found
+            gauge_of[first + gauge] = gauge
+        return gauge_of
 
-    def left(
+    def misfit(
         self, used: BoolArray, vector: FloatArray, predicted: FloatArray, noise: FloatArray | None = None
     ) -> FloatArray:
         """Return (n,) readings ``used`` less ``predicted``, then steps of their cases, over ``noise`` (n_used,) or
         what the test states."""
-        left = (self.test.readings - predicted)[used] / (self.test.reading_stds[used] if noise is None else noise)
+        residual = (self.test.readings - predicted)[used] / (
+            self.test.reading_stds[used] if noise is None else noise
+        )
         steps = self._steps(used)
         return np.concatenate(
-            [left, (steps.value - self._step_slopes(steps) @ vector[self._of_cells]) / steps.std]
+            [residual, (steps.value - self._step_slopes(steps) @ vector[self._of_cells]) / steps.std]
         )
 
     def slopes(self, used: BoolArray, jacobian: csr_array, noise: FloatArray | None = None) -> csr_array:
-        """Return (m, n) derivatives of what :meth:`left` is of, over the same noise."""
+        """Return (m, n) derivatives of what :meth:`misfit` is of, over the same noise."""
         steps, noise = self._steps(used), self.test.reading_stds[used] if noise is None else noise
         readings = scaled_columns(jacobian[np.flatnonzero(used)], np.ones(len(self.std)), 1.0 / noise)
         of_steps = np.zeros((len(steps.value), len(self.std)))
@@ -264,20 +273,20 @@ class ReadingsModel:
         """Return the readings ``used``, linear about ``vector``, by unknowns in their standard deviations."""
         free = np.flatnonzero(self.std > 0.0)
         rows = scaled_columns(self.slopes(used, jacobian), self.std)[:, free]
-        left = self.left(used, vector, predicted) + rows @ (vector[free] / self.std[free])
-        return GaussianModel(rows, left, self.own[free])
+        misfit = self.misfit(used, vector, predicted) + rows @ (vector[free] / self.std[free])
+        return GaussianModel(rows, misfit, self.gauge_of[free])
 
     def _steps(self, used: BoolArray) -> StepParts:
         return step_parts(self.test, np.asarray(used.any(axis=1)))
 
     def _step_slopes(self, steps: StepParts) -> FloatArray:
         """Return (m, 4 n_cells) derivatives of the values of :func:`step_parts`."""
-        found = np.zeros((len(steps.value), len(CELL + CURVE), len(self.cells)))
-        for row, cell, force, part in zip(found, steps.cell, steps.force, steps.part, strict=True):
+        slopes = np.zeros((len(steps.value), len(CELL + CURVE), len(self.cells)))
+        for row, cell, force, part in zip(slopes, steps.cell, steps.force, steps.part, strict=True):
             row[:, self.cells.index(cell)] = self._cell_columns(cell, part * force) - self._cell_columns(
                 cell, force
             )
-        return found.reshape(len(found), len(CELL + CURVE) * len(self.cells))
+        return slopes.reshape(len(slopes), len(CELL + CURVE) * len(self.cells))
 
     def built(self, vector: FloatArray) -> AsBuilt:
         """Return the vehicle's part of a vector."""
@@ -289,17 +298,17 @@ class ReadingsModel:
         rest = vector[self.n_built :]
         cells = len(CELL) * len(self.cells)
         sizes = [(n_g - 1) * n_d, n_l, cells, n_l * len(PAD_STEPS), len(DIRECTIONS), 2, cells, n_d, n_d]
-        more, scale, _, pad, turn, rig, _, drift, each_left, left = np.split(rest, np.cumsum(sizes))
-        own, each = self.built(vector).zero, pad.reshape(n_l, len(PAD_STEPS)).copy()
-        each[:, -2:] += self._turns @ turn
+        more, scale, _, pad, turn, rig, _, drift, each_left, all_hysteresis = np.split(rest, np.cumsum(sizes))
+        zero, pads = self.built(vector).zero, pad.reshape(n_l, len(PAD_STEPS)).copy()
+        pads[:, -2:] += self._turns @ turn
         return StatedErrors(
-            zero=np.vstack([own, more.reshape(-1, n_d)]),
+            zero=np.vstack([zero, more.reshape(-1, n_d)]),
             scale=scale + self._on_cell @ vector[self._of_cells],
-            pad=each,
+            pad=pads,
             rig=float(rig[0]),
             size=float(rig[1]),
             drift=drift,
-            hysteresis=left + each_left,
+            hysteresis=all_hysteresis + each_left,
         )
 
     @property
@@ -338,47 +347,49 @@ class ReadingsModel:
         first = self.rig_entry + 2 + len(CURVE) * len(self.cells)
         return slice(first, first + self.structure.n_gauges)
 
-    def load_strains(self, built: AsBuilt) -> FloatArray:
+    def load_strains(self, as_built: AsBuilt) -> FloatArray:
         """Return (n_loads, n_d) readings of every load as stated, without zeros [m/m]."""
         if not self.loads:
             return np.zeros((0, self.structure.n_gauges))
-        return self.structure.response_strain(built, self._responses)
+        return self.structure.response_strain(as_built, self._responses)
 
-    def _load_slopes(self, built: AsBuilt) -> tuple[FloatArray, dict[Key, FloatArray]]:
+    def _load_slopes(self, as_built: AsBuilt) -> tuple[FloatArray, dict[Key, FloatArray]]:
         """Return :meth:`load_strains`, and their derivatives (n_d, n_loads) by key."""
         if not self.loads:
-            return self.load_strains(built), {}
-        reading, slopes = self.structure.response_slopes(built, self._responses, self.structure.solved_keys)
+            return self.load_strains(as_built), {}
+        reading, slopes = self.structure.response_slopes(as_built, self._responses, self.structure.solved_keys)
         return reading.T, slopes
 
     @property
     def _responses(self) -> Any:
         if "loads" not in self._together:
-            self._together["loads"] = self.structure.responses([one.load for _, one in self.loads])
+            self._together["loads"] = self.structure.responses([known.load for _, known in self.loads])
         return self._together["loads"]
 
     def _weighs_rig(self, vector: FloatArray) -> bool:
         """Whether the mass of the rig is, or may be, another one than zero."""
         return bool(self.std[self.rig_entry] > 0.0 or vector[self.rig_entry] != 0.0)
 
-    def _rig_strains(self, built: AsBuilt, exact: bool) -> FloatArray:
+    def _rig_strains(self, as_built: AsBuilt, exact: bool) -> FloatArray:
         """Return (n_cases, n_d) what a rig of 1 kg strains in each case; on the wall of the drawing if not
         ``exact``."""
-        found = np.zeros((len(self.test.cases), self.structure.n_gauges))
+        strain = np.zeros((len(self.test.cases), self.structure.n_gauges))
         if not self._hung:
-            return found
+            return strain
         key = "rig" if exact else "rig, by the drawing"
         if key not in self._together:
             loads, structure = [load for _, load in self._hung], self.structure
             self._together[key] = structure.responses(loads) if exact else structure.nominal_response(loads)
-        np.add.at(found, [k for k, _ in self._hung], self.structure.response_strain(built, self._together[key]))
-        return found
+        np.add.at(
+            strain, [k for k, _ in self._hung], self.structure.response_strain(as_built, self._together[key])
+        )
+        return strain
 
     def readings(self, vector: FloatArray) -> FloatArray:
         """Return what the gauges should read (n_cases, n_d) [m/m]."""
-        built = self.built(vector)
-        rig = self._rig_strains(built, self._weighs_rig(vector))
-        return self._joined(self.load_strains(built), self.errors(vector), rig)
+        as_built = self.built(vector)
+        rig = self._rig_strains(as_built, self._weighs_rig(vector))
+        return self._joined(self.load_strains(as_built), self.errors(vector), rig)
 
     def jacobian(self, vector: FloatArray) -> tuple[FloatArray, csr_array]:
         """Return readings (n_cases, n_d) and their derivatives (n_cases n_d, n), 0 for what is known exactly.
@@ -387,45 +398,47 @@ class ReadingsModel:
         Measured readings and standard deviations do not change them.
         """
         place = not vector.any(), self._weighs_rig(vector)
-        kept = self._kept.get(place)
-        if kept is None or not np.array_equal(kept.vector, vector):
-            kept = self._kept[place] = _Kept(vector.copy(), *self._slopes(vector))
+        cached = self._kept.get(place)
+        if cached is None or not np.array_equal(cached.vector, vector):
+            cached = self._kept[place] = _Kept(vector.copy(), *self._slopes(vector))
         unknown = np.ones(len(self.std))
         for key in set(derivative_keys(self.structure.counts)) - set(uncertain_keys(self.prior)):
             unknown[self._entries(key)] = 0.0
-        return kept.readings, scaled_columns(kept.jacobian, unknown)
+        return cached.readings, scaled_columns(cached.jacobian, unknown)
 
     def _entries(self, key: Key) -> slice:
         """Return where the parameters of a key stand in the vector."""
-        at = slices(self.structure.counts)[key[0]]
-        return at if of_gauges(key) else slice(at.start + key[1], at.start + key[1] + 1)
+        place = slices(self.structure.counts)[key[0]]
+        return place if of_gauges(key) else slice(place.start + key[1], place.start + key[1] + 1)
 
     def _slopes(self, vector: FloatArray) -> tuple[FloatArray, csr_array]:
         """Return :meth:`jacobian` by all keys that the structure was solved for."""
-        built, errors = self.built(vector), self.errors(vector)
+        as_built, errors = self.built(vector), self.errors(vector)
         n_d, where = self.structure.n_gauges, slices(self.structure.counts)
-        found, gauge = _Derivatives(len(self.test.cases), n_d, len(vector)), np.arange(n_d)
-        strain, derivatives = self._load_slopes(built)
+        slopes, gauge = _Derivatives(len(self.test.cases), n_d, len(vector)), np.arange(n_d)
+        strain, derivatives = self._load_slopes(as_built)
         for key, value in derivatives.items():
-            own = gauge if of_gauges(key) else key[1]
-            found.add(found.rows, where[key[0]].start + own, self._summed((1.0 + errors.scale)[:, None] * value.T))
-        for rows, case in zip(found.rows, self.test.cases, strict=True):
+            numbers = gauge if of_gauges(key) else key[1]
+            slopes.add(
+                slopes.rows, where[key[0]].start + numbers, self._summed((1.0 + errors.scale)[:, None] * value.T)
+            )
+        for rows, case in zip(slopes.rows, self.test.cases, strict=True):
             group = self.groups.index(case.group)
             first = where[ZERO].start if group == 0 else self.n_built + (group - 1) * n_d
-            found.add(rows, first + gauge, 1.0)
+            slopes.add(rows, first + gauge, 1.0)
         pads = [columns.copy() for columns in self._pads]
-        for columns, own, tilt in zip(pads, strain, errors.pad[:, -2:], strict=True):
-            columns[-2:] -= np.outer(tilt, own)
-        self._load_derivatives(found, strain, pads)
-        rig = self._rig_strains(built, self._weighs_rig(vector))
+        for columns, numbers, tilt in zip(pads, strain, errors.pad[:, -2:], strict=True):
+            columns[-2:] -= np.outer(tilt, numbers)
+        self._load_derivatives(slopes, strain, pads)
+        rig = self._rig_strains(as_built, self._weighs_rig(vector))
         readings = self._joined(strain, errors, rig)
-        found.add(found.rows, self.rig_entry, rig)
-        found.add(found.rows, self.rig_entry + 1, self._summed(self._sizes))
-        found.add(found.rows, self.drift_entries.start + gauge, self.time[:, None])
+        slopes.add(slopes.rows, self.rig_entry, rig)
+        slopes.add(slopes.rows, self.rig_entry + 1, self._summed(self._sizes))
+        slopes.add(slopes.rows, self.drift_entries.start + gauge, self.time[:, None])
         before = (readings - self._zeros(errors))[:-1]
         for entries in (self.drift_entries.stop + gauge, self.common_entries.stop - 1):
-            found.add(found.rows[1:], entries, before)
-        return readings, found.joined()
+            slopes.add(slopes.rows[1:], entries, before)
+        return readings, slopes.joined()
 
     def held_derivatives(self, vector: FloatArray) -> dict[Key, FloatArray]:
         """Return the derivatives (n_cases, n_d) of the readings by what is taken for zero but need not be."""
@@ -435,8 +448,8 @@ class ReadingsModel:
         std = self.std.copy()
         for key in keys:
             std[self._entries(key)] = 1.0
-        found, shape = self.with_std(std).jacobian(vector)[1].tocsc(), self.test.readings.shape
-        return {key: found[:, [self._entries(key).start]].toarray().reshape(shape) for key in keys}
+        slopes, shape = self.with_std(std).jacobian(vector)[1].tocsc(), self.test.readings.shape
+        return {key: slopes[:, [self._entries(key).start]].toarray().reshape(shape) for key in keys}
 
     def _joined(self, strain: FloatArray, errors: StatedErrors, rig: FloatArray) -> FloatArray:
         moved = np.array([pad @ columns for pad, columns in zip(errors.pad, self._pads, strict=True)])
@@ -453,36 +466,38 @@ class ReadingsModel:
 
     def _summed(self, by_load: FloatArray) -> FloatArray:
         """Return (n_cases, n_d) sums of (n_loads, n_d) over the loads of each case."""
-        found = np.zeros((len(self.test.cases), self.structure.n_gauges))
-        np.add.at(found, self.case_of_load, by_load)
-        return found
+        total = np.zeros((len(self.test.cases), self.structure.n_gauges))
+        np.add.at(total, self.case_of_load, by_load)
+        return total
 
-    def _load_derivatives(self, found: _Derivatives, strain: FloatArray, pads: list[FloatArray]) -> None:
+    def _load_derivatives(self, slopes: _Derivatives, strain: FloatArray, pads: list[FloatArray]) -> None:
         """Add the derivatives by the errors of every load, and of their cells and direction in common."""
         first, turn, n_p = self.cell_entries.start - len(self.loads), self.common_entries.start, len(PAD_STEPS)
         for number, (case, _) in enumerate(self.loads):
-            rows, pad = found.rows[case][:, None], self.cell_entries.stop + n_p * number + np.arange(n_p)
-            found.add(rows, first + number, strain[number][:, None])
-            found.add(rows, self._of_cells, np.outer(strain[number], self._on_cell[number]))
-            found.add(rows, pad, pads[number].T)
-            found.add(rows, turn + np.arange(len(DIRECTIONS)), pads[number][-2:].T @ self._turns[number])
+            rows, pad = slopes.rows[case][:, None], self.cell_entries.stop + n_p * number + np.arange(n_p)
+            slopes.add(rows, first + number, strain[number][:, None])
+            slopes.add(rows, self._of_cells, np.outer(strain[number], self._on_cell[number]))
+            slopes.add(rows, pad, pads[number].T)
+            slopes.add(rows, turn + np.arange(len(DIRECTIONS)), pads[number][-2:].T @ self._turns[number])
 
     def _load_cells(self) -> FloatArray:
         """Return (n_loads, 4 n_cells) relative change of every load by each error of every cell."""
-        found = np.zeros((len(self.loads), len(CELL + CURVE), len(self.cells)))
-        for row, (_, one) in zip(found, self.loads, strict=True):
-            if one.on_load_cell:
-                row[:, self.cells.index(one.load_cell)] = self._cell_columns(one.load_cell, cell_force(one.load))
-        return found.reshape(len(found), len(CELL + CURVE) * len(self.cells))
+        changes = np.zeros((len(self.loads), len(CELL + CURVE), len(self.cells)))
+        for row, (_, known) in zip(changes, self.loads, strict=True):
+            if known.on_load_cell:
+                row[:, self.cells.index(known.load_cell)] = self._cell_columns(
+                    known.load_cell, cell_force(known.load)
+                )
+        return changes.reshape(len(changes), len(CELL + CURVE) * len(self.cells))
 
     @cached_property
     def full_scale(self) -> dict[str, float]:
         """Full scale of each load cell, the largest of its forces where none is stated [N]."""
-        found = dict.fromkeys(self.cells, 0.0)
-        for _, one in self.loads:
-            if one.on_load_cell:
-                found[one.load_cell] = max(found[one.load_cell], cell_force(one.load))
-        return found | {name: self.test.full_scale[name] for name in found if name in self.test.full_scale}
+        scales = dict.fromkeys(self.cells, 0.0)
+        for _, known in self.loads:
+            if known.on_load_cell:
+                scales[known.load_cell] = max(scales[known.load_cell], cell_force(known.load))
+        return scales | {name: self.test.full_scale[name] for name in scales if name in self.test.full_scale}
 
     def _cell_columns(self, cell: str, force: float) -> FloatArray:
         """Return (4,) relative change of a load of which the cell reads ``force`` [N] by each of its errors."""
@@ -511,7 +526,7 @@ class ReadingsModel:
             "second tilt": lambda h: tilted(load, second=h),
         }
 
-        found = np.zeros((len(PAD_STEPS), self.structure.n_gauges))
+        slopes = np.zeros((len(PAD_STEPS), self.structure.n_gauges))
         steps: dict[int, float] = {}
         loads: list[Load] = []
         for row, (name, changed) in enumerate(changes.items()):
@@ -526,8 +541,8 @@ class ReadingsModel:
             loads += [changed(high), changed(low)]
         if loads:
             strain = self.structure.nominal_strain(self.structure.solved, loads)
-            found[list(steps)] = (strain[::2] - strain[1::2]) / np.array(list(steps.values()))[:, None]
-        return found
+            slopes[list(steps)] = (strain[::2] - strain[1::2]) / np.array(list(steps.values()))[:, None]
+        return slopes
 
     def _size_column(self, load: Load, by_shape: FloatArray) -> FloatArray:
         """Return (n_d,) change of the readings by the size of a pad, ``by_shape``, or by a point that is a pad."""
@@ -548,32 +563,32 @@ class ReadingsModel:
         gauges = self.structure.gauges.names
         names = [f"zero {gauge}, zeros '{group}'" for group in self.groups[1:] for gauge in gauges]
         labels = [
-            f"{load_kind(one.load)} {number} of {self.test.cases[case].name}"
-            for number, (case, one) in enumerate(self.loads, start=1)
+            f"{load_kind(known.load)} {number} of {self.test.cases[case].name}"
+            for number, (case, known) in enumerate(self.loads, start=1)
         ]
         cells = [""] if self.cells == ["1"] else [f" {cell}" for cell in self.cells]
         names += [f"load {label}" for label in labels]
         names += [f"{error}{cell}" for error in CELL for cell in cells]
         names += [f"pad {what} {label}" for label in labels for what in PAD_STEPS]
-        names += [*(f"direction of all forces {way}" for way in DIRECTIONS), RIG, "size of all pads"]
+        names += [*(f"direction of all forces {direction}" for direction in DIRECTIONS), RIG, "size of all pads"]
         names += [f"{error}{cell}" for error in CURVE for cell in cells]
         return [*names, *(f"{what} {gauge}" for what in (DRIFT, HYSTERESIS) for gauge in gauges), HYSTERESIS]
 
     def _extra_std(self) -> FloatArray:
         errors = self.test.errors
         zero = np.tile(self.prior.zero, len(self.groups) - 1)
-        own = [one.std for _, one in self.loads]
+        of_loads = [known.std for _, known in self.loads]
         pad = np.array([errors.pad_position, errors.pad_roll, errors.pad_shape, errors.tilt, errors.tilt])
         of_pads = [pad * columns.any(axis=1) for columns in self._pads]
         stated = [errors.common, errors.cell_offset, errors.cell_curve, errors.cell_curve]
         cells, curves = np.split(np.repeat(stated, len(self.cells)) * self._on_cell.any(axis=0), 2)
         n_d, mass = len(self.prior.zero), errors.rig_mass if self._hung else 0.0
         common = np.r_[np.zeros(len(DIRECTIONS)), mass, 0.0, curves, np.full(n_d, errors.drift), np.zeros(n_d + 1)]
-        return np.concatenate([zero, own, cells, *of_pads, common])
+        return np.concatenate([zero, of_loads, cells, *of_pads, common])
 
 
 def _of_test(prior: AsBuilt, test: LoadTest) -> AsBuilt:
     """Return ``prior`` with the mass as the test states it; without a load of mass that is not in the readings."""
-    if not any(isinstance(one.load, OF_MASS) for case in test.cases for one in case.loads):
+    if not any(isinstance(known.load, OF_MASS) for case in test.cases for known in case.loads):
         return prior.changed(mass=0.0, region_mass=np.zeros(prior.n_regions))
     return prior if test.errors.mass is None else prior.changed(mass=test.errors.mass)

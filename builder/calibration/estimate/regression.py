@@ -94,8 +94,8 @@ def _least_squares(
     outside = float(load @ load - along @ along)
 
     def score(weight: float) -> float:
-        kept = s**2 / (s**2 + weight)
-        return (outside + float(np.sum(((1.0 - kept) * along) ** 2))) / (n - float(kept.sum())) ** 2
+        filtered = s**2 / (s**2 + weight)
+        return (outside + float(np.sum(((1.0 - filtered) * along) ** 2))) / (n - float(filtered.sum())) ** 2
 
     weight = min(RIDGES * s[0] ** 2, key=score) if with_ridge else 0.0
     part = s / (s**2 + weight)
@@ -107,14 +107,14 @@ def _selected(strain: FloatArray, load: FloatArray, available: list[int]) -> lis
     """Return the gauges of an equation by their T values."""
     chosen: list[int] = []
     while len(chosen) < min(len(load) / CASES_PER_GAUGE, len(available)):
-        left = load - strain[:, chosen] @ _least_squares(strain[:, chosen], load)[0]
+        residual = load - strain[:, chosen] @ _least_squares(strain[:, chosen], load)[0]
         columns = strain[:, available]
         if chosen:
             q, _ = np.linalg.qr(strain[:, chosen])
             columns = columns - q @ (q.T @ columns)
         size = np.linalg.norm(columns, axis=0)
         size[np.isin(available, chosen) | (size < 1e-12 * size.max())] = np.inf
-        chosen.append(available[int(np.argmax(np.abs(columns.T @ left) / size))])
+        chosen.append(available[int(np.argmax(np.abs(columns.T @ residual) / size))])
     while chosen:
         a = strain[:, chosen]
         coefficient, spread, _ = _least_squares(a, load)

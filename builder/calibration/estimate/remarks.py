@@ -45,41 +45,43 @@ MISFIT = 3.0
 """Chi-square per reading, for noise as found, from which no vehicle fits. Walls that taper by 2 % leave 1.3."""
 
 
-def unexplained(found: Estimate, outside: OutsideModel, faults: Sequence[Fault]) -> str:
+def unexplained(fit: Estimate, outside: OutsideModel, faults: Sequence[Fault]) -> str:
     """Return what speaks against a map of ``found``, in one clause; empty where every error has a name."""
-    many = too_many(found.model, faults)
+    many = too_many(fit.model, faults)
     if many:
-        return f"{many}; leading causes in common: {leading_causes(found)}"
+        return f"{many}; leading causes in common: {leading_causes(fit)}"
     noise = max(min(outside.noise_factor, MOST_NOISE / outside.counted), 1.0)
-    name, size = found.farthest
+    name, size = fit.farthest
     against = []
-    if found.per_reading > MISFIT * noise**2:
-        against.append(f"chi-square per reading is {found.per_reading:.3g} (1 is expected)")
+    if fit.per_reading > MISFIT * noise**2:
+        against.append(f"chi-square per reading is {fit.per_reading:.3g} (1 is expected)")
     if not size <= FARTHEST:
         against.append(
             f"{name} would be {size:.1f} standard deviations from what the vehicle file or the test states"
         )
-    return f"{found.far_off}; {', '.join(against)}" if against else ""
+    return f"{fit.far_off}; {', '.join(against)}" if against else ""
 
 
-def leading_causes(found: Estimate) -> str:
+def leading_causes(fit: Estimate) -> str:
     """Return the causes that all or many readings may have in common, the most probable first, in one clause."""
-    every = Evidence(found.model, found.used, found.vector).ranking()
-    common = [(one, gain) for one, gain in every if one.where in ("vehicle", "noise") and gain > 0.0][:LEADING]
-    known = dict.fromkeys(one.kind for one in found.model.causes if one.where in ("vehicle", "noise"))
+    every = Evidence(fit.model, fit.used, fit.vector).ranking()
+    common = [(cause, gain) for cause, gain in every if cause.where in ("vehicle", "noise") and gain > 0.0][
+        :LEADING
+    ]
+    known = dict.fromkeys(cause.kind for cause in fit.model.causes if cause.where in ("vehicle", "noise"))
     names = [*(f"{kind} (estimated)" for kind in known)]
-    names += [f"{one.kind} (odds of 1e{(gain + least_of(one)) / np.log(10.0):.0f})" for one, gain in common]
+    names += [f"{cause.kind} (odds of 1e{(gain + least_of(cause)) / np.log(10.0):.0f})" for cause, gain in common]
     return ", ".join(names) or "none of the causes that are known"
 
 
-def remarks(found: Estimate) -> tuple[str, ...]:
+def remarks(fit: Estimate) -> tuple[str, ...]:
     """Return a line for each thing that the user should look at, none where all is as stated."""
-    model = found.model
-    causes = [_of_cause(found, cause) for cause in model.causes if cause.where == "vehicle"]
+    model = fit.model
+    causes = [_of_cause(fit, cause) for cause in model.causes if cause.where == "vehicle"]
     gauges = dict.fromkeys(cause.number for cause in model.causes if cause.where == "gauge")
     scatter = [_of_gauge(model, number) for number in gauges]
-    lines = [_of_mass(found), *_of_load_cells(found), *causes, *scatter, _of_noise(found), _of_tolerances(found)]
-    lines += [_at_breaks(model), found.unsettled, found.disagreement]
+    lines = [_of_mass(fit), *_of_load_cells(fit), *causes, *scatter, _of_noise(fit), _of_tolerances(fit)]
+    lines += [_at_breaks(model), fit.unsettled, fit.disagreement]
     return tuple(line for line in lines if line)
 
 
@@ -98,10 +100,10 @@ def _differs(size: float, std: float) -> bool:
     return abs(size) >= SMALLEST and abs(size) > NAMED * std
 
 
-def _of_mass(found: Estimate) -> str:
-    part = found.parameters
-    at = slices(part.counts)["mass"].start
-    size, std = float(found.vector[at]), float(found.std[at])
+def _of_mass(fit: Estimate) -> str:
+    part = fit.parameters
+    entry = slices(part.counts)["mass"].start
+    size, std = float(fit.vector[entry]), float(fit.std[entry])
     if not _differs(size, std):
         return ""
     return (
@@ -111,42 +113,42 @@ def _of_mass(found: Estimate) -> str:
     )
 
 
-def _of_load_cells(found: Estimate) -> list[str]:
-    model, lines = found.model, []
+def _of_load_cells(fit: Estimate) -> list[str]:
+    model, lines = fit.model, []
     curved = {cause.number for cause in model.causes if cause.kind == "load cell"}
     for k in sorted(set(range(len(model.cells))) - curved):
-        at = model.cell_entries.start + k
-        size, std = float(found.vector[at]), float(found.std[at])
+        entry = model.cell_entries.start + k
+        size, std = float(fit.vector[entry]), float(fit.std[entry])
         if _differs(size, std):
             lines.append(
-                f"{model.names[at]}: loads are {100.0 * abs(size):.2g} +- {100.0 * std:.1g} % "
+                f"{model.names[entry]}: loads are {100.0 * abs(size):.2g} +- {100.0 * std:.1g} % "
                 f"{'larger' if size > 0.0 else 'smaller'} than it reads; calibrate it"
             )
     return lines
 
 
-def _of_cause(found: Estimate, cause: Cause) -> str:
+def _of_cause(fit: Estimate, cause: Cause) -> str:
     """Return what the readings have set free, its size, and where to state it."""
-    size, std = found.vector[cause.entries], found.std[cause.entries]
-    return f"{_SAID[cause.kind](found, cause, size, std)}; it is estimated"
+    size, std = fit.vector[cause.entries], fit.std[cause.entries]
+    return f"{_SAID[cause.kind](fit, cause, size, std)}; it is estimated"
 
 
-def _support(found: Estimate, cause: Cause, size: FloatArray, std: FloatArray) -> str:
+def _support(fit: Estimate, cause: Cause, size: FloatArray, std: FloatArray) -> str:
     return (
         f"clamp: it yields as {_pair(1e3 * size, 1e3 * std)} mm of the wall's material along and across; state "
         f"calibration.clamp_compliance_mm = {1e3 * float(np.abs(size).max()):.1g}"
     )
 
 
-def _joint(found: Estimate, cause: Cause, size: FloatArray, std: FloatArray) -> str:
-    station = found.model.structure.joint_stations[cause.number]
+def _joint(fit: Estimate, cause: Cause, size: FloatArray, std: FloatArray) -> str:
+    station = fit.model.structure.joint_stations[cause.number]
     return (
         f"joint at or near {station:.3g} m: it yields as {_pair(1e3 * size, 1e3 * std)} mm of the wall; state "
         f"calibration.joint_stations_m and joint_softness_mm = {1e3 * abs(float(size[0])):.1g}"
     )
 
 
-def _modulus(found: Estimate, cause: Cause, size: FloatArray, std: FloatArray) -> str:
+def _modulus(fit: Estimate, cause: Cause, size: FloatArray, std: FloatArray) -> str:
     return (
         f"modulus: Young's modulus of the regions of the wall differs by {_pair(100.0 * size, 100.0 * std)} %; "
         f"state calibration.region_modulus_percent = {100.0 * float(np.abs(size).max()):.1g}"
@@ -154,7 +156,7 @@ def _modulus(found: Estimate, cause: Cause, size: FloatArray, std: FloatArray) -
 
 
 def _wall(entry: str) -> Callable[[Estimate, Cause, FloatArray, FloatArray], str]:
-    def said(found: Estimate, cause: Cause, size: FloatArray, std: FloatArray) -> str:
+    def said(fit: Estimate, cause: Cause, size: FloatArray, std: FloatArray) -> str:
         rms = 100.0 * float(np.sqrt(np.mean(size**2)))
         sigma = 100.0 * float(np.sqrt(np.mean(std**2)))
         size_of = f"{rms:.2g} +- {sigma:.1g} % rms by region"
@@ -163,42 +165,42 @@ def _wall(entry: str) -> Callable[[Estimate, Cause, FloatArray, FloatArray], str
     return said
 
 
-def _direction(found: Estimate, cause: Cause, size: FloatArray, std: FloatArray) -> str:
-    ways = " and ".join(DIRECTIONS)
+def _direction(fit: Estimate, cause: Cause, size: FloatArray, std: FloatArray) -> str:
+    directions = " and ".join(DIRECTIONS)
     return (
-        f"direction of all forces: turned by {_pair(np.rad2deg(size), np.rad2deg(std))} deg {ways}; check how "
-        "they are applied, and state their directions"
+        f"direction of all forces: turned by {_pair(np.rad2deg(size), np.rad2deg(std))} deg {directions}; check "
+        "how they are applied, and state their directions"
     )
 
 
-def _drift(found: Estimate, cause: Cause, size: FloatArray, std: FloatArray) -> str:
+def _drift(fit: Estimate, cause: Cause, size: FloatArray, std: FloatArray) -> str:
     rms = 1e6 * float(np.sqrt(np.mean(size**2)))
     return f"drift: zeros moved by {rms:.2g} um/m rms between the first and the last case; tare between the cases"
 
 
-def _hysteresis(found: Estimate, cause: Cause, size: FloatArray, std: FloatArray) -> str:
+def _hysteresis(fit: Estimate, cause: Cause, size: FloatArray, std: FloatArray) -> str:
     return (
         f"hysteresis: a case reads {_pair(100.0 * size[-1:], 100.0 * std[-1:])} % of the strain before it; "
         "return to zero load between the cases"
     )
 
 
-def _rig(found: Estimate, cause: Cause, size: FloatArray, std: FloatArray) -> str:
+def _rig(fit: Estimate, cause: Cause, size: FloatArray, std: FloatArray) -> str:
     return (
         f"rig: {_pair(size, std)} kg hang on every pad and point that no load cell reads; weigh the rig, and "
         f"state errors.rig_mass_kg = {abs(float(size[0])):.1g}"
     )
 
 
-def _pad_size(found: Estimate, cause: Cause, size: FloatArray, std: FloatArray) -> str:
+def _pad_size(fit: Estimate, cause: Cause, size: FloatArray, std: FloatArray) -> str:
     return (
         f"size of all pads: it differs by {_pair(100.0 * size, 100.0 * std)} % of their length, of points from "
         f"none to {1e3 * PAD * abs(float(size[0])):.2g} mm to each side; state points as pads"
     )
 
 
-def _load_cell(found: Estimate, cause: Cause, size: FloatArray, std: FloatArray) -> str:
-    model = found.model
+def _load_cell(fit: Estimate, cause: Cause, size: FloatArray, std: FloatArray) -> str:
+    model = fit.model
     name = model.names[cause.entries[0]]
     return (
         f"{name}: it is not straight, by {_pair(100.0 * size[1:], 100.0 * std[1:])} % (quadratic, cubic) of "
@@ -217,8 +219,8 @@ def _of_gauge(model: ReadingsModel, number: int) -> str:
     )
 
 
-def _of_noise(found: Estimate) -> str:
-    factor = found.model.noise_factor
+def _of_noise(fit: Estimate) -> str:
+    factor = fit.model.noise_factor
     if np.isclose(factor, 1.0):
         return ""
     return (
@@ -227,17 +229,17 @@ def _of_noise(found: Estimate) -> str:
     )
 
 
-def _of_tolerances(found: Estimate) -> str:
-    if found.tolerances_hold:
+def _of_tolerances(fit: Estimate) -> str:
+    if fit.tolerances_hold:
         return ""
     return (
-        f"tolerances: vehicle and loads differ {np.sqrt(found.from_priors):.2g} times as much from what the files "
+        f"tolerances: vehicle and loads differ {np.sqrt(fit.from_priors):.2g} times as much from what the files "
         "state as their tolerances say; state larger ones"
     )
 
 
 def _pair(size: FloatArray, std: FloatArray) -> str:
-    return ", ".join(f"{one:.2g} +- {sigma:.1g}" for one, sigma in zip(size, std, strict=True))
+    return ", ".join(f"{value:.2g} +- {sigma:.1g}" for value, sigma in zip(size, std, strict=True))
 
 
 _SAID: dict[str, Callable[[Estimate, Cause, FloatArray, FloatArray], str]] = {

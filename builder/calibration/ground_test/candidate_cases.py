@@ -74,20 +74,20 @@ def candidate_cases(vehicle: Vehicle, limits: LoadLimits, span: tuple[float, flo
     InputError
         A station is beyond the wall, or nothing may act.
     """
-    found = []
+    cases = []
     for station in pad_stations(vehicle, limits, span):
         for roll in limits.roll_angles:
-            found += [_pad(limits, station, roll, direction) for direction in limits.directions if limits.force]
+            cases += [_pad(limits, station, roll, direction) for direction in limits.directions if limits.force]
     first = _wall(vehicle, limits, span)[0]
     if limits.axial_force:
         load = SectionLoad(station=first, force=(limits.axial_force, 0.0, 0.0))
-        found.append(PlannedCase(name=f"axial {limits.axial_force:g} N", loads=(load,)))
+        cases.append(PlannedCase(name=f"axial {limits.axial_force:g} N", loads=(load,)))
     if limits.internal_pressure:
         inside = SurfacePressure(surface="inner", pressure=limits.internal_pressure)
-        found.append(PlannedCase(name=f"pressure {1e-3 * limits.internal_pressure:g} kPa", loads=(inside,)))
-    if not found:
+        cases.append(PlannedCase(name=f"pressure {1e-3 * limits.internal_pressure:g} kPa", loads=(inside,)))
+    if not cases:
         raise InputError("load test: expected --force, --axial or --pressure above 0, got none")
-    return found
+    return cases
 
 
 def attitude_cases(limits: LoadLimits) -> list[PlannedCase]:
@@ -143,6 +143,6 @@ def _pad(limits: LoadLimits, station: float, roll: float, direction: str) -> Pla
 def harmonics_of_test(test: LoadTest) -> tuple[int, int]:
     """Return the highest harmonic in roll angle of the loads of ``test`` and of the pads that a plan offers, and
     the highest within the wall."""
-    loads = [one.load for case in test.cases for one in case.loads]
+    loads = [known.load for case in test.cases for known in case.loads]
     offered = pad_harmonics(LoadLimits().half_angle)
     return max([offered, *map(harmonics_of, loads)]), max([1, *map(harmonics_within, loads)])

@@ -65,9 +65,9 @@ class Steadiness:
     def too_many(self, value: float, count: int, samples: int) -> bool:
         """Return whether ``count`` of ``samples`` are more at ``value`` [m/m] than a sound channel has there."""
         most = float(self.most[int(np.abs(self.place - value).argmin())])
-        seen, of = int(count / self.repeats), int(np.ceil(samples / self.repeats))
+        repeated, independent = int(count / self.repeats), int(np.ceil(samples / self.repeats))
         # The first sample may be anywhere; the others must meet it.
-        return seen > 1 and float(bdtrc(seen - 2, of - 1, most)) < CHANCE
+        return repeated > 1 and float(bdtrc(repeated - 2, independent - 1, most)) < CHANCE
 
 
 def channel_faults(strain: FloatArray, windows: Sequence[FloatArray]) -> list[ChannelFault]:
@@ -78,28 +78,32 @@ def channel_faults(strain: FloatArray, windows: Sequence[FloatArray]) -> list[Ch
     strain : (n, n_d) samples of the whole recording, NaN where there is none.
     windows : (k, n_d) samples of each window in it.
     """
-    found = []
+    faults = []
     sound = _steadiness(strain, windows)
-    for gauge, one in enumerate(sound):
+    for gauge, steadiness in enumerate(sound):
         samples = strain[:, gauge]
         samples = samples[np.isfinite(samples)]
-        if one is None or not len(samples):
+        if steadiness is None or not len(samples):
             continue
         ends = np.unique([samples.min(), samples.max()])
         at_end, still = list[int](), list[int]()
         values = set[float]()
         for number, window in enumerate(windows):
-            own = window[:, gauge]
-            own = own[np.isfinite(own)]
-            railed = [end for end in ends if one.too_many(end, int(np.sum(own == end)), len(own))]
+            of_gauge = window[:, gauge]
+            of_gauge = of_gauge[np.isfinite(of_gauge)]
+            railed = [end for end in ends if steadiness.too_many(end, int(np.sum(of_gauge == end)), len(of_gauge))]
             if railed:
                 at_end.append(number)
                 values |= {float(end) for end in railed}
-            elif len(own) and np.ptp(own) == 0.0 and one.too_many(own[0], len(own), len(own)):
+            elif (
+                len(of_gauge)
+                and np.ptp(of_gauge) == 0.0
+                and steadiness.too_many(of_gauge[0], len(of_gauge), len(of_gauge))
+            ):
                 still.append(number)
-                values.add(float(own[0]))
+                values.add(float(of_gauge[0]))
         if at_end or still:
-            found.append(
+            faults.append(
                 ChannelFault(
                     gauge=gauge,
                     kind="railed or frozen" if len(ends) == 1 else "railed" if at_end else "frozen",
@@ -108,7 +112,7 @@ def channel_faults(strain: FloatArray, windows: Sequence[FloatArray]) -> list[Ch
                     windows=tuple(sorted(at_end + still)),
                 )
             )
-    return found
+    return faults
 
 
 def resolution(samples: FloatArray) -> float:
@@ -119,7 +123,7 @@ def resolution(samples: FloatArray) -> float:
 
 def _steadiness(strain: FloatArray, windows: Sequence[FloatArray]) -> list[Steadiness | None]:
     """Return how often each channel repeats a value where it does not stand at its ends, by the windows."""
-    found: list[Steadiness | None] = []
+    every: list[Steadiness | None] = []
     for gauge in range(strain.shape[1]):
         samples = strain[:, gauge]
         samples = samples[np.isfinite(samples)]
@@ -127,16 +131,16 @@ def _steadiness(strain: FloatArray, windows: Sequence[FloatArray]) -> list[Stead
         parts = [window[:, gauge] for window in windows]
         parts = [part[np.isfinite(part) & ~np.isin(part, ends)] for part in parts]
         parts = [part for part in parts if len(part) > 1 and np.ptp(part) > 0.0]
-        found.append(_of_channel(parts) if parts else None)
-    known = [one for one in found if one is not None]
+        every.append(_of_channel(parts) if parts else None)
+    known = [steadiness for steadiness in every if steadiness is not None]
     if not known:
-        return found
+        return every
     median = Steadiness(
         place=np.zeros(1),
-        most=np.array([np.median([np.median(one.most) for one in known])]),
-        repeats=float(np.median([one.repeats for one in known])),
+        most=np.array([np.median([np.median(steadiness.most) for steadiness in known])]),
+        repeats=float(np.median([steadiness.repeats for steadiness in known])),
     )
-    return [median if one is None else one for one in found]
+    return [median if steadiness is None else steadiness for steadiness in every]
 
 
 def _of_channel(parts: Sequence[FloatArray]) -> Steadiness:

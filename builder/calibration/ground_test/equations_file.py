@@ -123,25 +123,25 @@ def equations_file(path: Path) -> EquationsFile:
     InputError
         The file is missing or no TOML, or a load is named twice, has a unit of another kind, or no station.
     """
-    found = read_sections(path, EquationsFile, "file of a test without a model")
-    found._path = path
-    seen = set[tuple[str, float | None]]()
-    for number, one in enumerate(found.load, start=1):
+    file = read_sections(path, EquationsFile, "file of a test without a model")
+    file._path = path
+    names = set[tuple[str, float | None]]()
+    for number, load in enumerate(file.load, start=1):
         where = f"{path}: load.{number}"
-        if one.name not in WHOLE | AT_STATION:
-            raise InputError(f"{where}.name: expected one of {', '.join(WHOLE | AT_STATION)}, got '{one.name}'")
-        units = MOMENTS if (WHOLE | AT_STATION)[one.name] == "N m" else FORCES
-        if one.unit not in units:
-            raise InputError(f"{where}.unit: expected one of {', '.join(units)}, got '{one.unit}'")
-        if (one.x_m is not None) != (one.name in AT_STATION):
+        if load.name not in WHOLE | AT_STATION:
+            raise InputError(f"{where}.name: expected one of {', '.join(WHOLE | AT_STATION)}, got '{load.name}'")
+        units = MOMENTS if (WHOLE | AT_STATION)[load.name] == "N m" else FORCES
+        if load.unit not in units:
+            raise InputError(f"{where}.unit: expected one of {', '.join(units)}, got '{load.unit}'")
+        if (load.x_m is not None) != (load.name in AT_STATION):
             raise InputError(f"{where}.x_m: expected a station for loads of a section, and for these alone")
-        if (one.name, one.x_m) in seen:
-            raise InputError(f"{where}.name: expected each load once, got '{one.name}' again")
-        seen.add((one.name, one.x_m))
-        unknown = sorted(set(one.gauges or ()) - set(found.readings.gauges))
+        if (load.name, load.x_m) in names:
+            raise InputError(f"{where}.name: expected each load once, got '{load.name}' again")
+        names.add((load.name, load.x_m))
+        unknown = sorted(set(load.gauges or ()) - set(file.readings.gauges))
         if unknown:
             raise InputError(f"{where}.gauges: expected some of readings.gauges, got '{unknown[0]}'")
-    return found
+    return file
 
 
 def applied_test(file: EquationsFile) -> AppliedTest:
@@ -157,27 +157,27 @@ def applied_test(file: EquationsFile) -> AppliedTest:
     if len(rows) < 2:
         raise InputError(f"{path}: expected a heading and rows of readings, got {len(rows)} rows")
     heading = [name.strip() for name in rows[0][1]]
-    wanted = [*entries.gauges, *(one.column for one in file.load), *([entries.check] if entries.check else [])]
+    wanted = [*entries.gauges, *(load.column for load in file.load), *([entries.check] if entries.check else [])]
     missing = [name for name in wanted if name not in heading]
     if missing:
         raise InputError(f"{path}: expected a column '{missing[0]}', got {', '.join(heading)}")
 
     def column(name: str) -> FloatArray:
-        at, found = heading.index(name), np.zeros(len(rows) - 1)
+        place, values = heading.index(name), np.zeros(len(rows) - 1)
         for number, (line, row) in enumerate(rows[1:]):
             try:
-                found[number] = float(row[at])
+                values[number] = float(row[place])
             except (ValueError, IndexError):
-                got = row[at] if at < len(row) else "nothing"
+                got = row[place] if place < len(row) else "nothing"
                 raise InputError(f"{path}: line {line}: {name}: expected a number, got '{got}'") from None
-        return found
+        return values
 
-    scales = [(MOMENTS | FORCES)[one.unit] for one in file.load]
+    scales = [(MOMENTS | FORCES)[load.unit] for load in file.load]
     marks = [row[heading.index(entries.check)].strip() for _, row in rows[1:]] if entries.check else []
     return AppliedTest(
         file=file,
         strain=STRAINS[entries.unit] * np.column_stack([column(name) for name in entries.gauges]),
-        load=np.column_stack([scale * column(one.column) for scale, one in zip(scales, file.load, strict=True)]),
+        load=np.column_stack([scale * column(load.column) for scale, load in zip(scales, file.load, strict=True)]),
         is_check=np.array([mark not in ("", "0") for mark in marks] or [False] * (len(rows) - 1)),
         line=tuple(line for line, _ in rows[1:]),
     )

@@ -66,8 +66,8 @@ def window_variances(variance: FloatArray, freedom: FloatArray) -> FloatArray:
 def _centred_log(variance: FloatArray, freedom: FloatArray, counts: BoolArray) -> FloatArray:
     """Return log s^2 without the bias of few samples, NaN where there is none."""
     half = 0.5 * np.where(counts, freedom, 1.0)
-    found = np.log(np.where(counts, variance, 1.0)) - psi(half) + np.log(half)
-    return np.asarray(np.where(counts, found, np.nan))
+    logs = np.log(np.where(counts, variance, 1.0)) - psi(half) + np.log(half)
+    return np.asarray(np.where(counts, logs, np.nan))
 
 
 def _level(variance: FloatArray, freedom: FloatArray, counts: BoolArray) -> FloatArray:
@@ -80,17 +80,17 @@ def _prior_freedom(variance: FloatArray, freedom: FloatArray, counts: BoolArray)
     """Return d_0; infinite where windows differ by no more than their samples leave."""
     logs = _centred_log(variance, freedom, counts)
     number = counts.sum(axis=0)
-    left = int(np.sum(np.maximum(number - 1, 0)))
-    if left < 1:
+    total_freedom = int(np.sum(np.maximum(number - 1, 0)))
+    if total_freedom < 1:
         return np.inf
     residual = logs - _level(variance, freedom, counts)
-    seen = float(np.nansum(residual**2)) / left
+    scatter = float(np.nansum(residual**2)) / total_freedom
     rows = counts & (number > 1)
     expected = float(np.mean(polygamma(1, 0.5 * freedom[rows])))
-    alike = float(chdtrc(left, left * seen / expected)) > ALIKE
-    if alike or seen - expected <= float(polygamma(1, 0.5 * MOST)):
+    alike = float(chdtrc(total_freedom, total_freedom * scatter / expected)) > ALIKE
+    if alike or scatter - expected <= float(polygamma(1, 0.5 * MOST)):
         return np.inf
-    target = min(seen - expected, float(polygamma(1, 0.5 * FEWEST)))
+    target = min(scatter - expected, float(polygamma(1, 0.5 * FEWEST)))
     return float(brentq(lambda d: float(polygamma(1, 0.5 * d)) - target, FEWEST, MOST))
 
 
@@ -143,33 +143,33 @@ def read_load_test(file: LoadTestFile, gauge_names: tuple[str, ...]) -> tuple[Lo
         raise InputError(f"{file.path}: case: expected a load in one case or more, got baselines alone")
     if all(case.check for case in file.case):
         raise InputError(f"{file.path}: case: expected one without check or more, got check loads alone")
-    found, errors = read_windows(file, gauge_names), file.errors.errors()
+    readings, errors = read_windows(file, gauge_names), file.errors.errors()
     cases = tuple(
         LoadCase(
             name=case.name,
             loads=case.known_loads(errors),
-            reading=found.mean[k],
-            reading_std=found.std[k],
+            reading=readings.mean[k],
+            reading_std=readings.std[k],
             temperature=case.temperature_K,
             group=case.zeros,
             check=case.check,
-            steps=found.steps[k],
+            steps=readings.steps[k],
         )
         for k, case in enumerate(file.case)
     )
     scales = {cell.name: cell.full_scale_N for cell in file.load_cell if cell.full_scale_N is not None}
-    unknown = [one.gauge for one in file.changed if one.gauge not in gauge_names]
+    unknown = [change.gauge for change in file.changed if change.gauge not in gauge_names]
     if unknown:
         raise InputError(f"{file.path}: changed: expected gauges of the map, got '{unknown[0]}'")
     test = LoadTest(
         gauge_names=gauge_names,
         cases=cases,
         errors=errors,
-        left_out=found.left_out,
+        left_out=readings.left_out,
         full_scale=scales,
-        changed={one.gauge: one.change for one in file.changed},
+        changed={change.gauge: change.change for change in file.changed},
     )
-    return test, found.notes
+    return test, readings.notes
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -252,25 +252,25 @@ def read_windows(file: LoadTestFile, gauge_names: tuple[str, ...]) -> Readings:
             recordings[place.source] = _samples(*place.source, gauge_names, notes)
     windows = [_window(file, place, *recordings[place.source]) for place in places]
     _refuse_overlaps(file, places)
-    recorded = np.array([np.isfinite(one).any(axis=0) for one in windows])
+    recorded = np.array([np.isfinite(window).any(axis=0) for window in windows])
     windows, left_out = _without_faults(file, places, recordings, windows, gauge_names)
-    count = np.array([np.isfinite(one).sum(axis=0) for one in windows], dtype=float)
+    count = np.array([np.isfinite(window).sum(axis=0) for window in windows], dtype=float)
     has_any = count > 0.0
-    mean = np.array([np.nansum(one, axis=0) for one in windows]) / np.maximum(count, 1.0)
-    squares = np.array([np.nansum((one - m) ** 2, axis=0) for one, m in zip(windows, mean, strict=True)])
+    mean = np.array([np.nansum(window, axis=0) for window in windows]) / np.maximum(count, 1.0)
+    squares = np.array([np.nansum((window - m) ** 2, axis=0) for window, m in zip(windows, mean, strict=True)])
     freedom = np.maximum(count - 1.0, 0.0)
     scatter = np.sqrt(window_variances(squares / np.maximum(freedom, 1.0), freedom))
-    held = np.array([_repeats(one) for one in windows]) & (freedom > 0.0)
-    still: BoolArray = np.all(held | (freedom == 0.0), axis=0) & held.any(axis=0)
+    repeats = np.array([_repeats(window) for window in windows]) & (freedom > 0.0)
+    still: BoolArray = np.all(repeats | (freedom == 0.0), axis=0) & repeats.any(axis=0)
     if still.any() and not still.all():
         # A channel that repeats one value says nothing of its noise.
         scatter = np.where(still, np.median(scatter[scatter > 0.0]), scatter)
-        named = ", ".join(name for name, one in zip(gauge_names, still.tolist(), strict=True) if one)
+        named = ", ".join(name for name, is_still in zip(gauge_names, still.tolist(), strict=True) if is_still)
         notes.append(f"{file.path}: readings do not scatter within any window: {named}")
     floor = 1e-6 * file.readings.reading_std_um_per_m
     # A value that repeats is one sample, rounded.
     alone = np.hypot(scatter, _rounding(places, recordings))
-    of_mean = np.where(held, alone, scatter / np.sqrt(np.maximum(count, 1.0)))
+    of_mean = np.where(repeats, alone, scatter / np.sqrt(np.maximum(count, 1.0)))
     std = np.hypot(of_mean, floor)
     mean, n_c = np.where(has_any, mean, np.nan), len(file.case)
     _check_std(places, file, gauge_names, std, has_any)
@@ -288,7 +288,7 @@ def read_windows(file: LoadTestFile, gauge_names: tuple[str, ...]) -> Readings:
 
 def _steps_of(case: int, places: Sequence[_Place], mean: FloatArray, std: FloatArray) -> tuple[LoadStep, ...]:
     """Return the steps of a case in the order of time."""
-    own = [(place.start, k) for k, place in enumerate(places) if place.case == case and k != case]
+    of_case = [(place.start, k) for k, place in enumerate(places) if place.case == case and k != case]
     return tuple(
         LoadStep(
             part=places[k].part,
@@ -296,7 +296,7 @@ def _steps_of(case: int, places: Sequence[_Place], mean: FloatArray, std: FloatA
             reading=mean[k],
             reading_std=std[k],
         )
-        for start, k in sorted(own)
+        for start, k in sorted(of_case)
     )
 
 
@@ -308,20 +308,20 @@ def _without_faults(
     gauge_names: tuple[str, ...],
 ) -> tuple[list[FloatArray], tuple[str, ...]]:
     """Return the windows without samples of channels that stand still in them, and a line for each of these."""
-    kept, lines = [one.copy() for one in windows], []
+    sound, lines = [window.copy() for window in windows], []
     for source, (_, strain) in recordings.items():
-        here = [k for k, place in enumerate(places) if place.source == source]
-        for fault in channel_faults(strain, [windows[k] for k in here]):
-            hit = [here[k] for k in fault.windows]
+        of_source = [k for k, place in enumerate(places) if place.source == source]
+        for fault in channel_faults(strain, [windows[k] for k in of_source]):
+            hit = [of_source[k] for k in fault.windows]
             for k in hit:
-                kept[k][:, fault.gauge] = np.nan
-            where = "all cases" if len(hit) == len(here) else _named([places[k] for k in hit])
+                sound[k][:, fault.gauge] = np.nan
+            where = "all cases" if len(hit) == len(of_source) else _named([places[k] for k in hit])
             values = " or ".join(f"{1e6 * value:.6g}" for value in fault.values[:2])
             lines.append(
                 f"{file.path}: gauge '{gauge_names[fault.gauge]}': {fault.kind}, {percent_of(fault.fraction)} of "
                 f"its samples in {source[0].name} stand at {values} um/m; left out of {where}"
             )
-    return kept, tuple(lines)
+    return sound, tuple(lines)
 
 
 def _named(places: Sequence[_Place]) -> str:
@@ -330,8 +330,8 @@ def _named(places: Sequence[_Place]) -> str:
     steps = sum("step" in place.entry for place in places)
     text = f"{len(names)} cases: " if len(names) > 1 else "case "
     text += ", ".join(next(place.name for place in places if place.case == case) for case in names)
-    whole = steps and len(places) > steps
-    return f"{text}, and of {steps} steps of these" if whole else text
+    has_both = steps and len(places) > steps
+    return f"{text}, and of {steps} steps of these" if has_both else text
 
 
 def percent_of(fraction: float) -> str:
@@ -351,9 +351,9 @@ def _rounding(places: Sequence[_Place], recordings: Recordings) -> FloatArray:
 def _refuse_without_time(file: LoadTestFile, places: Sequence[_Place]) -> None:
     """Refuse readings of which the file does not state when they were recorded: a line each."""
     missing = [
-        f"{file.path}: {one.entry}.window_s: {one.name}: entry is missing, expected it or row"
-        for one in places
-        if one.row is None and one.window is None
+        f"{file.path}: {place.entry}.window_s: {place.name}: entry is missing, expected it or row"
+        for place in places
+        if place.row is None and place.window is None
     ]
     if missing:
         raise FaultsError("\n".join(missing))
@@ -362,18 +362,18 @@ def _refuse_without_time(file: LoadTestFile, places: Sequence[_Place]) -> None:
 def _refuse_overlaps(file: LoadTestFile, places: Sequence[_Place]) -> None:
     """Refuse readings that are of the same samples of a recording."""
     ordered = sorted(places, key=lambda place: (str(place.source[0]), place.window is None, place.start))
-    for other, one in pairwise(ordered):
-        if one.source[0] != other.source[0]:
+    for first, second in pairwise(ordered):
+        if second.source[0] != first.source[0]:
             continue
-        if one.row is not None and one.row == other.row:
+        if second.row is not None and second.row == first.row:
             raise InputError(
-                f"{file.path}: {one.entry}.row: {one.name}: expected another row than {other.entry} "
-                f"{other.name}, got {one.row} as well"
+                f"{file.path}: {second.entry}.row: {second.name}: expected another row than {first.entry} "
+                f"{first.name}, got {second.row} as well"
             )
-        if one.window is not None and other.window is not None and one.window[0] < other.window[1]:
+        if second.window is not None and first.window is not None and second.window[0] < first.window[1]:
             raise InputError(
-                f"{file.path}: {one.entry}.window_s: {one.name}: expected a window apart from {other.entry} "
-                f"{other.name}, {other.window} s, got {one.window}, which overlaps"
+                f"{file.path}: {second.entry}.window_s: {second.name}: expected a window apart from {first.entry} "
+                f"{first.name}, {first.window} s, got {second.window}, which overlaps"
             )
 
 
@@ -395,7 +395,7 @@ def _samples(
     with open_recording(recording, wanted, channels) as opened:
         blocks = [*opened.blocks]
         notes += opened.notes
-    return np.concatenate([one.time for one in blocks]), np.concatenate([one.strain for one in blocks])
+    return np.concatenate([block.time for block in blocks]), np.concatenate([block.strain for block in blocks])
 
 
 def _window(file: LoadTestFile, place: _Place, time: FloatArray, strain: FloatArray) -> FloatArray:
@@ -422,9 +422,9 @@ def _window(file: LoadTestFile, place: _Place, time: FloatArray, strain: FloatAr
 
 def _repeats(window: FloatArray) -> BoolArray:
     """Return whether a gauge's samples (n, n_d) are all the same, (n_d,)."""
-    held = np.where(np.isfinite(window), window, np.inf)
-    low = held.min(axis=0)
-    return np.asarray(np.where(np.isfinite(held), held, -np.inf).max(axis=0) <= low)
+    values = np.where(np.isfinite(window), window, np.inf)
+    low = values.min(axis=0)
+    return np.asarray(np.where(np.isfinite(values), values, -np.inf).max(axis=0) <= low)
 
 
 def _check_std(

@@ -115,7 +115,7 @@ def hanging(
 
     The vehicle lies with +z up where the case states no weight.
     """
-    weights = [one.load for one in case.loads if isinstance(one.load, applied.Weight)]
+    weights = [known.load for known in case.loads if isinstance(known.load, applied.Weight)]
     x, y, z = (mass * (weights[0] if weights else applied.Weight()).acceleration).tolist()
     if isinstance(load, applied.PadPressure):
         return applied.PadForce(
@@ -128,11 +128,11 @@ def hanging(
     return replace(load, force=(x, y, z))
 
 
-def is_along(one: Load, other: Load) -> bool:
+def is_along(load: Load, second: Load) -> bool:
     """Return whether the forces of two loads have one direction or opposite ones."""
-    if not isinstance(one, DIRECTED) or not isinstance(other, DIRECTED):
+    if not isinstance(load, DIRECTED) or not isinstance(second, DIRECTED):
         return False
-    a, b = np.asarray(one.force), np.asarray(other.force)
+    a, b = np.asarray(load.force), np.asarray(second.force)
     return bool(np.linalg.norm(np.cross(a, b)) <= ALONG * np.linalg.norm(a) * np.linalg.norm(b))
 
 
@@ -153,8 +153,8 @@ class CellErrors:
 
 def as_applied(known: KnownLoad, errors: LoadErrors, cell: CellErrors, random: np.random.Generator) -> Load:
     """Return a load with drawn errors; ``cell`` holds the errors of its load cell."""
-    own, along, around, longer, first, second = random.standard_normal(6).tolist()
-    factor, force = 1.0 + known.std * own, cell_force(known.load)
+    size, along, around, longer, first, second = random.standard_normal(6).tolist()
+    factor, force = 1.0 + known.std * size, cell_force(known.load)
     if known.on_load_cell:
         factor = factor * (1.0 + cell.gain) + (cell.offset / force if force > 0.0 else 0.0)
     return moved(

@@ -137,11 +137,11 @@ class LoadTest:
     def __post_init__(self) -> None:
         if not self.cases:
             raise InputError("load test: expected at least one case")
-        shape, seen = (len(self.gauge_names),), set[str]()
+        shape, names = (len(self.gauge_names),), set[str]()
         for case in self.cases:
-            if case.name in seen:
+            if case.name in names:
                 raise InputError(f"load test: expected one case '{case.name}', got two")
-            seen.add(case.name)
+            names.add(case.name)
             if np.shape(case.reading) != shape or np.shape(case.reading_std) != shape:
                 got = f"{np.shape(case.reading)} and {np.shape(case.reading_std)}"
                 raise InputError(f"load test: case '{case.name}': expected readings {shape}, got {got}")

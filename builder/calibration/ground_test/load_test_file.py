@@ -122,13 +122,13 @@ class CaseEntry(Section):
 
     def known_loads(self, errors: LoadErrors) -> tuple[KnownLoad, ...]:
         """Return the loads in SI units."""
-        found = []
+        loads = []
         for entry in self.load:
             on_cell = entry.kind not in NO_LOAD_CELL
-            own = errors.load if on_cell else 0.0
-            std = own if entry.std_percent is None else 0.01 * entry.std_percent
-            found.append(KnownLoad(load=entry.load(), std=std, on_load_cell=on_cell, load_cell=entry.load_cell))
-        return tuple(found)
+            default = errors.load if on_cell else 0.0
+            std = default if entry.std_percent is None else 0.01 * entry.std_percent
+            loads.append(KnownLoad(load=entry.load(), std=std, on_load_cell=on_cell, load_cell=entry.load_cell))
+        return tuple(loads)
 
 
 class LoadCellEntry(Section):
@@ -206,6 +206,6 @@ def read_test_file(path: str | Path) -> LoadTestFile:
         The file is missing or no TOML.
     """
     path = Path(path)
-    found = read_sections(path, LoadTestFile, "file of a ground test")
-    found._path = path
-    return found
+    file = read_sections(path, LoadTestFile, "file of a ground test")
+    file._path = path
+    return file

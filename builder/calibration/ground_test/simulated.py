@@ -178,8 +178,10 @@ def write_ground_test(test: GroundTest, folder: Path, name: str, vehicle: str | 
 
 def error_entries(errors: LoadErrors) -> dict[str, object]:
     """Return the section [errors] of a file; a mass that is not stated is left to be filled in."""
-    found: dict[str, object] = {kind.entry: _rounded(getattr(errors, kind.name) / kind.scale) for kind in OF_LOADS}
-    return found | {"mass_percent": None if errors.mass is None else _rounded(100.0 * errors.mass)}
+    entries: dict[str, object] = {
+        kind.entry: _rounded(getattr(errors, kind.name) / kind.scale) for kind in OF_LOADS
+    }
+    return entries | {"mass_percent": None if errors.mass is None else _rounded(100.0 * errors.mass)}
 
 
 Windows = dict[tuple[int, int | None], tuple[float, float]]

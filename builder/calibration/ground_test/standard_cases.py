@@ -26,12 +26,12 @@ def pads(count: int, length: float) -> list[PadForce]:
     """
     order = [(2, 0), (0, 1), (4, 1), (0, 0), (4, 0), (2, 1), (1, 0), (3, 1), (1, 1), (3, 0)]
     order += [(k, turn) for turn in (2, 3, 4, 5, 6, 7) for k in (2, 0, 4, 1, 3)]
-    found = []
+    forces = []
     for station, turn in order[:count]:
         roll = float(np.deg2rad(ROLL_ANGLES[turn]))
         push = PUSH * (1.0 if station < 3 else 2.0)
         force = (0.0, -push * float(np.sin(roll)), -push * float(np.cos(roll)))
-        found.append(
+        forces.append(
             PadForce(
                 station=STATIONS[station] * length,
                 roll_angle=roll,
@@ -40,7 +40,7 @@ def pads(count: int, length: float) -> list[PadForce]:
                 force=force,
             )
         )
-    return found
+    return forces
 
 
 def weights() -> list[Weight]:

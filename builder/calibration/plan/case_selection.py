@@ -110,12 +110,12 @@ class Knowledge:
         cross = case.jacobian @ self.covariance
         root = np.linalg.cholesky(case.jacobian @ cross.T + case.noise_covariance)
         known = solve_triangular(root, cross, lower=True).T
-        seen = [one @ known for one in self.flight.jacobian]
-        return self.error_covariance() - np.mean([one @ one.T for one in seen], axis=0)
+        determined = [slope @ known for slope in self.flight.jacobian]
+        return self.error_covariance() - np.mean([part @ part.T for part in determined], axis=0)
 
     @cached_property
     def _error_covariance(self) -> FloatArray:
-        return np.mean([one @ (one @ self.covariance).T for one in self.flight.jacobian], axis=0)
+        return np.mean([slope @ (slope @ self.covariance).T for slope in self.flight.jacobian], axis=0)
 
 
 def no_knowledge(flight: FlightSensitivity) -> Knowledge:
@@ -143,8 +143,8 @@ def select_cases(
             best = int(np.argmax(worth))
             if fresh[best]:
                 break
-            left = known.flight.sigmas(known.error_covariance_after(candidates[best]))
-            worth[best], fresh[best] = level - _log_product(left), True
+            sigmas = known.flight.sigmas(known.error_covariance_after(candidates[best]))
+            worth[best], fresh[best] = level - _log_product(sigmas), True
         known = known.after(candidates[best])
         chosen.append(ChosenCase(number=best, sigmas=known.flight.sigmas(known.error_covariance())))
         if progress is not None:

@@ -56,27 +56,27 @@ def kind_sigmas(
     before, after : (n,) of the vector.
     used : (n_d,) gauges that count; all by default.
     """
-    found = []
-    for kind, at in slices(counts).items():
+    kinds = []
+    for kind, place in slices(counts).items():
         chosen = used if used is not None and used.any() and KINDS[kind].extent == "gauge" else slice(None)
-        prior, left = before[at][chosen], after[at][chosen]
+        prior, after_test = before[place][chosen], after[place][chosen]
         if prior.any():
-            sigmas = (float(np.sqrt(np.mean(one**2))) for one in (prior, left))
-            found.append(KindSigmas(kind=kind, before=next(sigmas), after=next(sigmas)))
-    return found
+            sigmas = (float(np.sqrt(np.mean(stds**2))) for stds in (prior, after_test))
+            kinds.append(KindSigmas(kind=kind, before=next(sigmas), after=next(sigmas)))
+    return kinds
 
 
 def established(kinds: Sequence[KindSigmas]) -> str:
     """Return the kinds that a test establishes, in one line; empty without any."""
     parts = [
-        f"{KINDS[one.kind].in_words} {one.size(one.after)} ({one.size(one.before)})"
-        for one in kinds
-        if one.is_established
+        f"{KINDS[kind.kind].in_words} {kind.size(kind.after)} ({kind.size(kind.before)})"
+        for kind in kinds
+        if kind.is_established
     ]
     return f"of the vehicle, 1 sigma (before the test): {', '.join(parts)}" if parts else ""
 
 
 def undetermined(kinds: Sequence[KindSigmas]) -> str:
     """Return the kinds that a test leaves as they were, in one line; empty without any."""
-    parts = [f"{KINDS[one.kind].in_words} ({one.size(one.after)})" for one in kinds if one.stays]
+    parts = [f"{KINDS[kind.kind].in_words} ({kind.size(kind.after)})" for kind in kinds if kind.stays]
     return f"as uncertain as before the test: {', '.join(parts)}" if parts else ""

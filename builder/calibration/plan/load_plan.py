@@ -124,10 +124,10 @@ def load_plan(
     """
     vehicle, as_built = parts.vehicle, parts.as_built
     offered = candidate_cases(vehicle, limits, as_built.outer_span)
-    offered = [within_limits(as_built, one, limits) for one in offered]
+    offered = [within_limits(as_built, planned, limits) for planned in offered]
     attitudes = [] if as_built.weightless else attitude_cases(limits)
     lying: tuple[Load, ...] = attitudes[0].loads if attitudes else ()
-    cases = [replace(one, loads=(*lying, *one.loads)) for one in offered]
+    cases = [replace(planned, loads=(*lying, *planned.loads)) for planned in offered]
     exact = exactly_known_map(parts)
     flight = flight_sensitivity(parts, exact)
     lead = attitudes or [PlannedCase(name="no load", loads=())]
@@ -135,19 +135,19 @@ def load_plan(
     sensitivities = case_sensitivities(parts, [*lead, *offered], errors, sample_std / np.sqrt(samples))
     first, bare = sensitivities[: len(lead)], sensitivities[len(lead) :]
     start = known = no_knowledge(flight)
-    for one in first:
-        known = known.after(one)
+    for case in first:
+        known = known.after(case)
     if attitudes:
-        bare = [acting_together(one, first[0], slices(as_built.counts)[ZERO]) for one in bare]
+        bare = [acting_together(case, first[0], slices(as_built.counts)[ZERO]) for case in bare]
     chosen = select_cases(known, bare, count, progress)
-    order, sigmas, end = [one.number for one in chosen], [one.sigmas for one in chosen], known
+    order, sigmas, end = [choice.number for choice in chosen], [choice.sigmas for choice in chosen], known
     for number in order:
         end = end.after(bare[number])
     for number in order[:repeats]:
         end = end.after(bare[number])
         sigmas.append(flight.sigmas(end.error_covariance()))
     prior = as_built.prior(vehicle.calibration)
-    left = np.sqrt(np.diag(end.covariance)[:-1]) * prior.vector
+    after = np.sqrt(np.diag(end.covariance)[:-1]) * prior.vector
     return LoadPlan(
         attitudes=tuple(attitudes),
         cases=_numbered([cases[k] for k in [*order, *order[:repeats]]]),
@@ -158,7 +158,7 @@ def load_plan(
         candidates=len(cases),
         repeats=min(repeats, len(order)),
         checks=tuple(cases[k] for k in _next_best(end, bare, order, checks)),
-        kinds=tuple(kind_sigmas(as_built.counts, prior.vector, left)),
+        kinds=tuple(kind_sigmas(as_built.counts, prior.vector, after)),
         noise_std=sample_std,
         samples=samples,
     )
@@ -166,12 +166,12 @@ def load_plan(
 
 def _next_best(known: Knowledge, cases: Sequence[CaseSensitivity], chosen: Sequence[int], count: int) -> list[int]:
     """Return ``count`` distinct cases other than ``chosen``, each the best next one, or as many as there are."""
-    found, left = list[int](), [k for k in range(len(cases)) if k not in chosen]
-    while left and len(found) < count:
-        (best,) = select_cases(known, [cases[k] for k in left], 1)
-        found.append(left.pop(best.number))
-        known = known.after(cases[found[-1]])
-    return found
+    order, remaining = list[int](), [k for k in range(len(cases)) if k not in chosen]
+    while remaining and len(order) < count:
+        (best,) = select_cases(known, [cases[k] for k in remaining], 1)
+        order.append(remaining.pop(best.number))
+        known = known.after(cases[order[-1]])
+    return order
 
 
 def exactly_known_map(parts: PlanParts) -> InverseMap:
@@ -204,8 +204,8 @@ def flight_sensitivity(parts: PlanParts, exact: InverseMap) -> FlightSensitivity
     scale = coefficient_scale(exact.nominal_dynamic_pressure, vehicle.reference_quantities())
     return FlightSensitivity(
         jacobian=tuple(
-            csr_array(((one * std.vector[place]).ravel(), place.ravel(), first), shape=shape)
-            for one in np.moveaxis(strain, 1, 0)
+            csr_array(((moveaxi * std.vector[place]).ravel(), place.ravel(), first), shape=shape)
+            for moveaxi in np.moveaxis(strain, 1, 0)
         ),
         state_operator=exact.state_operator,
         noise_covariance=exact.noise_covariance,
@@ -222,8 +222,8 @@ def case_sensitivities(
     test = LoadTest(
         gauge_names=as_built.gauges.names,
         cases=tuple(
-            LoadCase(name=one.name, loads=known_loads(one, errors), reading=none, reading_std=noise_std)
-            for one in _numbered(cases)
+            LoadCase(name=case.name, loads=known_loads(case, errors), reading=none, reading_std=noise_std)
+            for case in _numbered(cases)
         ),
         errors=replace(errors, drift=0.0),  # cases have no time before they are chosen
     )
@@ -233,17 +233,17 @@ def case_sensitivities(
     jacobian = scaled_columns(jacobian, model.std)
     cell, n_d = model.names.index("load cell"), as_built.n_gauges
     of_vehicle = np.append(np.arange(model.n_built), cell)
-    own = np.setdiff1d(np.arange(model.n_built, len(model.std)), cell)
-    found = []
+    entries = np.setdiff1d(np.arange(model.n_built, len(model.std)), cell)
+    sensitivities = []
     for case in range(len(cases)):
         rows = jacobian[case * n_d : (case + 1) * n_d].tocsc()
-        touched = own[abs(rows).sum(axis=0)[own] > 0.0]
-        found.append(
+        touched = entries[abs(rows).sum(axis=0)[entries] > 0.0]
+        sensitivities.append(
             CaseSensitivity(
                 jacobian=rows[:, of_vehicle].tocsr(), error=rows[:, touched].toarray(), noise_std=noise_std
             )
         )
-    return found
+    return sensitivities
 
 
 def acting_together(case: CaseSensitivity, weight: CaseSensitivity, zeros: slice) -> CaseSensitivity:
@@ -258,23 +258,23 @@ def acting_together(case: CaseSensitivity, weight: CaseSensitivity, zeros: slice
 
 def within_limits(as_built: AnyAsBuilt, case: PlannedCase, limits: LoadLimits) -> PlannedCase:
     """Return a case whose loads are lowered until no gauge exceeds the largest strain."""
-    each = as_built.nominal_strain(as_built.exactly_built(), case.loads)
-    strain = each.sum(axis=0)
+    strains = as_built.nominal_strain(as_built.exactly_built(), case.loads)
+    strain = strains.sum(axis=0)
     largest = float(np.abs(strain).max())
     if largest <= limits.largest_strain:
         return case
     factor = float(f"{0.995 * limits.largest_strain / largest:.2g}")
     return PlannedCase(
-        name=f"{case.name}, times {factor:g}", loads=tuple(scaled(one, factor) for one in case.loads)
+        name=f"{case.name}, times {factor:g}", loads=tuple(scaled(known, factor) for known in case.loads)
     )
 
 
 def _numbered(cases: Sequence[PlannedCase]) -> tuple[PlannedCase, ...]:
     """Return cases whose names are unique: one that is applied again is called so."""
     count = Counter[str]()
-    found = []
+    numbered = []
     for case in cases:
         count[case.name] += 1
         again = "" if count[case.name] == 1 else f" ({count[case.name]})"
-        found.append(replace(case, name=f"{case.name}{again}"))
-    return tuple(found)
+        numbered.append(replace(case, name=f"{case.name}{again}"))
+    return tuple(numbered)

@@ -84,8 +84,8 @@ def run_order(plan: LoadPlan) -> list[RunCase]:
         for when in ZERO
     ]
     # Turned to all attitudes first, and back to the one of the loads.
-    found = [RunCase(case=case, kind="attitude") for case in lead]
-    return [*found, *loads[:middle], again[0], *loads[middle:], again[1]]
+    order = [RunCase(case=case, kind="attitude") for case in lead]
+    return [*order, *loads[:middle], again[0], *loads[middle:], again[1]]
 
 
 ZERO = ("between", "at the end")
@@ -97,8 +97,8 @@ def whole_time(plan: LoadPlan, schedule: Schedule) -> float:
     return float(
         np.sum(
             [
-                schedule.reading_time if one.kind == "zero reading" else schedule.time_of(one.case)
-                for one in run_order(plan)
+                schedule.reading_time if run.kind == "zero reading" else schedule.time_of(run.case)
+                for run in run_order(plan)
             ]
         )
     )

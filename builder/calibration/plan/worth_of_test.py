@@ -64,7 +64,7 @@ class WorthOfTest:
     spanned: float
 
 
-def worth_of_test(parts: PlanParts, found: Estimate) -> WorthOfTest:
+def worth_of_test(parts: PlanParts, fit: Estimate) -> WorthOfTest:
     """Return what the test of an estimate is worth.
 
     Raises
@@ -74,16 +74,16 @@ def worth_of_test(parts: PlanParts, found: Estimate) -> WorthOfTest:
     """
     exact = exactly_known_map(parts)
     flight = flight_sensitivity(parts, exact)
-    after = Knowledge(flight=flight, covariance=_over_prior(parts, found))
-    cases = further_cases(parts, found)
-    noise_std = np.median(found.model.test.reading_stds, axis=0)
-    seen = case_sensitivities(parts, cases, found.model.test.errors, noise_std)
-    sigmas = [flight.sigmas(after.error_covariance_after(one)) for one in seen]
-    best = int(np.argmin([float(np.sum(np.log(one))) for one in sigmas]))
+    after = Knowledge(flight=flight, covariance=_over_prior(parts, fit))
+    cases = further_cases(parts, fit)
+    noise_std = np.median(fit.model.test.reading_stds, axis=0)
+    sensitivities = case_sensitivities(parts, cases, fit.model.test.errors, noise_std)
+    sigmas = [flight.sigmas(after.error_covariance_after(slope)) for slope in sensitivities]
+    best = int(np.argmin([float(np.sum(np.log(sigma))) for sigma in sigmas]))
     ensemble = ensemble_of(parts.vehicle, on_structure(parts.snapshots, parts.structure))
     station = parts.vehicle.reference.moment_station_m
-    strain = ensemble.responses(parts.as_built.strain_operator(found.parameters))
-    ground, rows = _ground_strains(found), found.used.any(axis=1)
+    strain = ensemble.responses(parts.as_built.strain_operator(fit.parameters))
+    ground, rows = _ground_strains(fit), fit.used.any(axis=1)
     return WorthOfTest(
         before=flight.sigmas(no_knowledge(flight).error_covariance()),
         after=flight.sigmas(after.error_covariance()),
@@ -91,57 +91,57 @@ def worth_of_test(parts: PlanParts, found: Estimate) -> WorthOfTest:
         further=cases[best].name,
         with_further=sigmas[best],
         flight_loads=ensemble.responses(load_operator_on(parts.as_built.surface, station)[FIVE_LOADS]),
-        ground_loads=applied_loads(found.model, station, float(found.parameters.mass[0]))[rows],
+        ground_loads=applied_loads(fit.model, station, float(fit.parameters.mass[0]))[rows],
         flight_strain=np.abs(strain).max(axis=0),
         ground_strain=np.abs(ground).max(axis=0),
         spanned=_spanned(strain, ground, exact.noise_std[: strain.shape[1]]),
     )
 
 
-def further_cases(parts: PlanParts, found: Estimate) -> list[PlannedCase]:
+def further_cases(parts: PlanParts, fit: Estimate) -> list[PlannedCase]:
     """Return cases that could follow: pads with the largest force of the test, attitudes that it did not have."""
-    test = found.model.test
-    force = max((cell_force(one.load) for case in test.cases for one in case.loads), default=0.0)
+    test = fit.model.test
+    force = max((cell_force(known.load) for case in test.cases for known in case.loads), default=0.0)
     limits = LoadLimits(force=force or USUAL_FORCE, roll_angles=ROLL_ANGLES)
     offered = candidate_cases(parts.vehicle, limits, parts.as_built.outer_span)
-    stations = sorted({float(getattr(one.loads[0], "station", 0.0)) for one in offered})
-    kept = {stations[k] for k in np.linspace(0, len(stations) - 1, STATIONS).round().astype(int)}
-    pads = [one for one in offered if getattr(one.loads[0], "station", None) in kept]
+    stations = sorted({float(getattr(planned.loads[0], "station", 0.0)) for planned in offered})
+    chosen = {stations[k] for k in np.linspace(0, len(stations) - 1, STATIONS).round().astype(int)}
+    pads = [planned for planned in offered if getattr(planned.loads[0], "station", None) in chosen]
     had = {
-        round(one.load.up_roll_angle, 3)
+        round(known.load.up_roll_angle, 3)
         for case in test.cases
-        for one in case.loads
-        if isinstance(one.load, Weight)
+        for known in case.loads
+        if isinstance(known.load, Weight)
     }
     attitudes = [] if parts.as_built.weightless else attitude_cases(limits)
-    new = [one for one, up in zip(attitudes, limits.attitudes, strict=False) if round(up, 3) not in had]
-    return [within_limits(parts.as_built, one, limits) for one in pads] + new
+    new = [attitude for attitude, up in zip(attitudes, limits.attitudes, strict=False) if round(up, 3) not in had]
+    return [within_limits(parts.as_built, pad, limits) for pad in pads] + new
 
 
-def _over_prior(parts: PlanParts, found: Estimate) -> FloatArray:
+def _over_prior(parts: PlanParts, fit: Estimate) -> FloatArray:
     """Return the covariance (n + 1, n + 1) of vehicle and first load cell, over standard deviations before.
 
     What was known exactly before has none.
     """
-    model = found.model
+    model = fit.model
     prior = np.append(parts.as_built.prior(parts.vehicle.calibration).vector, model.test.errors.common)
-    at = np.append(np.arange(model.n_built), model.cell_entries.start)
+    entries = np.append(np.arange(model.n_built), model.cell_entries.start)
     scale = np.divide(1.0, prior, out=np.zeros_like(prior), where=prior > 0.0)
-    return np.asarray(scale[:, None] * found.covariance[np.ix_(at, at)] * scale)
+    return np.asarray(scale[:, None] * fit.covariance[np.ix_(entries, entries)] * scale)
 
 
-def _ground_strains(found: Estimate) -> FloatArray:
+def _ground_strains(fit: Estimate) -> FloatArray:
     """Return what the loads strain (n, n_d) in the cases that were used, zeros taken off [m/m]."""
-    model = found.model
+    model = fit.model
     group = [model.groups.index(case.group) for case in model.test.cases]
-    strain = found.after - model.errors(found.vector).zero[group]
-    return np.asarray(strain[found.used.any(axis=1)])
+    strain = fit.after - model.errors(fit.vector).zero[group]
+    return np.asarray(strain[fit.used.any(axis=1)])
 
 
 def _spanned(flight: FloatArray, ground: FloatArray, noise_std: FloatArray) -> float:
     """Return the part of the mean square of ``flight`` (n, n_d) in the span of ``ground`` (k, n_d)."""
-    left, scaled = flight / noise_std, ground / noise_std
+    strain, scaled = flight / noise_std, ground / noise_std
     _, size, rows = np.linalg.svd(scaled, full_matrices=False)
     basis = rows[size > 1e-6 * size.max()]
-    inside = left @ basis.T
-    return float(np.sum(inside**2) / np.sum(left**2))
+    inside = strain @ basis.T
+    return float(np.sum(inside**2) / np.sum(strain**2))

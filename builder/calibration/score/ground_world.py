@@ -254,7 +254,7 @@ class GroundWorld(Shared):
         """Return the map of :data:`MAPS` of what is known of a vehicle."""
         entry = self.vehicle.map.model_copy(update=MAPS[kind])
         vehicle = self.vehicle.model_copy(update={"map": entry})
-        return calibrated_map(vehicle, self.snapshots, structure, remaining, left=left)
+        return calibrated_map(vehicle, self.snapshots, structure, remaining, remainder=left)
 
     def drawing(self, kind: str) -> InverseMap:
         """Return the map of the drawing with every tolerance but of zeros, which a tare takes off."""

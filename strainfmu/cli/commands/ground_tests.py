@@ -49,8 +49,9 @@ def _show_plan(plan: LoadPlan) -> None:
 
 def calibrate(**options: Any) -> None:
     """Calibrate a map and print the verdict."""
-    from builder.processors import one_thread_of_blas
+    from builder.processors import keep_freed_memory, one_thread_of_blas
 
+    keep_freed_memory()
     with one_thread_of_blas():
         _show_verdict(builder.calibrate(**options, progress=True))
 
