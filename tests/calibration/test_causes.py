@@ -104,6 +104,17 @@ def test_harmonics_beyond_what_a_pad_needs_leave_its_strain(vehicle: Vehicle) ->
         assert np.abs(strain - exact).max() < 2e-4 * np.abs(exact).max()
 
 
+@pytest.mark.parametrize(("longer", "causes"), [(0.0, []), (0.3, ["pad size"])])
+def test_pads_that_are_all_longer_than_stated_are_named(
+    model: ReadingsModel, longer: float, causes: list[str]
+) -> None:
+    added = np.zeros(len(model.std))
+    added[model.rig_entry + 1] = longer
+    readings, _ = drawn_readings(model, np.random.default_rng(4), added)
+    fit, faults = calibrate_with_faults(model.with_readings(readings))
+    assert ([cause.kind for cause in fit.model.causes], faults) == (causes, ())
+
+
 def test_common_turns_are_those_of_a_tilted_force() -> None:
     pad = PadForce(station=1.0, roll_angle=0.5, half_length=0.05, half_angle=0.5, force=(0.0, -300.0, -400.0))
     for way, towards in enumerate(np.array([[1.0, 0.0, 0.0], [0.0, 0.8, -0.6]])):

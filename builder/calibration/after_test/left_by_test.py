@@ -6,7 +6,7 @@ that all gauges have in common, and errors of each gauge on its own. So the dire
 all flows and gauges, become common errors; what they leave becomes errors of each gauge, one for each pattern over
 the flows. The mean variance of every gauge is kept, covariances as far as the common errors hold them. The gain
 of the nonlinear estimator does not know the common errors, as it does not know errors of wall and layout before a
-test: with a gain that corrects them C_N errs by a fifth more.
+test: a gain that corrects them has a fifth more error in C_N.
 """
 
 from __future__ import annotations
