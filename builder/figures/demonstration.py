@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from math import degrees
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from builder.campaign.snapshots import Snapshots
 from builder.figures.drawing.canvas import COLOUR_MAP, blank_figure
-from builder.figures.drawing.colours import colour_ends, ends_beyond
 from builder.figures.drawing.gauge_marks import draw_strokes
 from builder.figures.drawing.unrolled import at_roll_angles
 from builder.vehicle.shape.geometry import SurfaceGrid
@@ -37,33 +35,6 @@ def three_conditions(snapshots: Snapshots) -> list[int]:
     """Return the snapshots of lowest, middle and highest total incidence."""
     order = np.argsort([c.total_incidence for c in snapshots.conditions()], kind="stable")
     return [int(order[0]), int(order[len(order) // 2]), int(order[-1])]
-
-
-def pressure_unrolled(snapshots: Snapshots, surface: SurfaceGrid, title: str) -> Figure:
-    """Draw p/p_inf over station and roll angle for three conditions."""
-    figure = blank_figure(9.0, 8.0)
-    axes = figure.subplots(3, 1, sharex=True)
-    conditions = snapshots.conditions()
-    roll = np.degrees(np.append(surface.roll_angle, 2.0 * np.pi))
-    for axis, index in zip(axes, three_conditions(snapshots), strict=True):
-        at_nodes = snapshots.pressure[index] / conditions[index].ambient_pressure
-        ratio = surface.as_map(at_nodes)
-        closed = np.concatenate([ratio, ratio[:, :1]], axis=1)
-        ends = colour_ends(snapshots.surface, at_nodes)
-        image = axis.pcolormesh(
-            surface.x, roll, closed.T, shading="gouraud", cmap=COLOUR_MAP, rasterized=True, **ends
-        )
-        leeward = degrees(conditions[index].leeward_roll_angle) % 360.0
-        if conditions[index].total_incidence > 0.0:
-            axis.axhline(leeward, color="white", linewidth=0.8, linestyle="--")
-            axis.text(surface.x[-1], leeward, "leeward ", color="white", fontsize=8, ha="right", va="bottom")
-        axis.set_title(str(conditions[index]), fontsize=9)
-        axis.set_ylabel("roll angle [deg]")
-        axis.set_yticks([0, 90, 180, 270, 360])
-        figure.colorbar(image, ax=axis, label="$p/p_\\infty$ [1]", pad=0.01, extend=ends_beyond(image, ratio))
-    axes[-1].set_xlabel("station x from the nose tip [m]")
-    figure.suptitle(f"Surface pressure, unrolled: {title}")
-    return figure
 
 
 def pressure_on_body(snapshots: Snapshots, surface: SurfaceGrid, title: str) -> Figure:

@@ -30,7 +30,7 @@ Run = Callable[..., tuple[int, str, str]]
 
 FILES = (
     *("snapshots.h5", "independent_flows.h5", "map.h5", "flight_model.h5", "estimator.fmu", "plant.fmu"),
-    *("flight.h5", "flight.csv", "estimators.json", "summary.json", "overview.png", "pressure_unrolled.png"),
+    *("flight.h5", "flight.csv", "estimators.json", "summary.json", "overview.png"),
     *("pressure_on_body.png", "gauges.png", "coefficients.png", "vehicle.png", "vehicle.glb"),
 )
 

@@ -335,14 +335,11 @@ def _figures(pipeline: Pipeline, recording: Recording, of_flight: str) -> None:
     of_pressure = pipeline.inputs(SNAPSHOTS, title=title)
     of_all = pipeline.inputs(SNAPSHOTS, MAP, FLIGHT, title=of_flight)
     overview = partial(figures.overview, snapshots, surface, inverse_map, recording, of_flight)
-    unrolled, on_body = (
-        partial(draw, snapshots, surface, title) for draw in (figures.pressure_unrolled, figures.pressure_on_body)
-    )
+    on_body = partial(figures.pressure_on_body, snapshots, surface, title)
     with pipeline.reporter.stage("Figures"):
         make_figure(pipeline, "overview.png", "load, gauges and estimate in one picture", of_all, overview)
-        holds = "pressure of three conditions on the unrolled surface"
-        make_figure(pipeline, "pressure_unrolled.png", holds, of_pressure, unrolled)
-        make_figure(pipeline, "pressure_on_body.png", "the same on the body", of_pressure, on_body)
+        holds = "pressure of three conditions on the body"
+        make_figure(pipeline, "pressure_on_body.png", holds, of_pressure, on_body)
         gauges = partial(figures.gauges, inverse_map, surface)
         make_figure(pipeline, "gauges.png", "gauge layout", pipeline.inputs(MAP), gauges)
         make_coefficients(pipeline, recording, of_flight)
