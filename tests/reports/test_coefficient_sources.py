@@ -75,7 +75,9 @@ def test_gamma_of_every_rule(case_2: ReportCase) -> None:
     np.testing.assert_allclose(used.coefficient_std, expected, rtol=1e-9)
     assert used.n_recoverable == int(np.sum(choice.eigenvalues >= 2.0))
     assert used.degrees_of_freedom == pytest.approx(np.sum(choice.eigenvalues / (choice.eigenvalues + 2.0)))
-    data = expected_data(case.solution.solved.spectrum.eigenvalues, len(case.solution.solved.spectrum.left))  # type: ignore[attr-defined]
+    data = expected_data(
+        case.solution.solved.spectrum.eigenvalues, len(case.solution.solved.spectrum.left_vectors)
+    )  # type: ignore[attr-defined]
     for one in choice.rules[1:]:
         if one.gamma is None:
             assert one.why_not
@@ -91,7 +93,7 @@ def test_classes_of_the_modes_are_those_of_their_waves(case_2: ReportCase) -> No
     choice = gamma_choice(case.inverse_map, case.problem, case.solution, grid)
     assert choice is not None
     spectrum = solved.spectrum  # type: ignore[attr-defined]
-    fields = case.solution.field_modes @ spectrum.right[:, : len(choice.eigenvalues)]
+    fields = case.solution.field_modes @ spectrum.right_vectors[:, : len(choice.eigenvalues)]
     waves = np.fft.rfft(grid.as_map(fields.T))
     weight = grid.as_map(case.problem.node_area)[:, 0]
     m = np.arange(waves.shape[-1])
