@@ -162,10 +162,10 @@ def _own_scatter(curve: FloatArray, value: FloatArray, std: FloatArray, stated: 
         return stated
     rest = value - curve @ np.linalg.lstsq(curve / std[:, None], value / std)[0]
 
-    def beyond(scatter: float) -> float:
+    def excess(scatter: float) -> float:
         return float(np.sum(rest**2 / (std**2 + scatter**2))) - freedom
 
-    return 0.0 if beyond(0.0) <= 0.0 else float(brentq(beyond, 0.0, np.linalg.norm(rest)))
+    return 0.0 if excess(0.0) <= 0.0 else float(brentq(excess, 0.0, np.linalg.norm(rest)))
 
 
 def _parts_of(case: SteppedCase) -> list[tuple[float, float, float]]:

@@ -96,7 +96,7 @@ class AppliedTest:
 
 def cases_by_load(test: LoadTest) -> tuple[list[int], list[int]]:
     """Return the numbers of the cases with loads, and of own weight alone."""
-    weighs = np.array([all(isinstance(one.load, Weight) for one in case.loads) for case in test.cases])
+    weighs = np.array([all(isinstance(known.load, Weight) for known in case.loads) for case in test.cases])
     return np.flatnonzero(~weighs).tolist(), np.flatnonzero(weighs).tolist()
 
 
@@ -159,7 +159,7 @@ def _attitude(reading: FloatArray, random: np.random.Generator, applied: Applied
 
 def _mass(reading: FloatArray, random: np.random.Generator, applied: AppliedTest) -> dict[str, str]:
     cases = applied.test.cases
-    loads = [(number, one.load) for number, case in enumerate(cases) for one in case.loads]
+    loads = [(number, known.load) for number, case in enumerate(cases) for known in case.loads]
     pads = [(number, load) for number, load in loads if isinstance(load, PadForce)]
     number, pad = pads[int(random.integers(len(pads)))]
     weight = hanging(pad, cases[number], FORGOTTEN)
@@ -241,24 +241,24 @@ def _drifting(
     if entry.drift_um_per_m or entry.hysteresis_percent:
         time, n_d = np.linspace(0.0, 1.0, len(reading)), reading.shape[1]
         reading += time[:, None] * MICRO * entry.drift_um_per_m * random.standard_normal(n_d)
-        each = 0.01 * entry.hysteresis_percent * (1.0 + 0.3 * random.standard_normal(n_d))
-        reading[1:] += each * applied.strain[:-1]
+        hysteresis = 0.01 * entry.hysteresis_percent * (1.0 + 0.3 * random.standard_normal(n_d))
+        reading[1:] += hysteresis * applied.strain[:-1]
     return {}
 
 
-def with_errors(case: Case, built: AsBuilt, random: np.random.Generator) -> AsBuilt:
+def with_errors(case: Case, as_built: AsBuilt, random: np.random.Generator) -> AsBuilt:
     """Return a vehicle with the errors of a case."""
-    entry, counts, changes = case.ground or GroundTest(), built.counts, dict[str, FloatArray]()
-    built = case.as_built.with_errors(built, random)
+    entry, counts, changes = case.ground or GroundTest(), as_built.counts, dict[str, FloatArray]()
+    as_built = case.as_built.with_errors(as_built, random)
     if entry.zero_um_per_m:
         scatter = random.standard_t(HEAVY_TAIL, counts.gauge)
         changes.update(zero=MICRO * entry.zero_um_per_m * (0.5 + scatter))
     if entry.taper_percent:
-        changes["wall_taper"] = built.wall_taper + 0.01 * entry.taper_percent
+        changes["wall_taper"] = as_built.wall_taper + 0.01 * entry.taper_percent
     if entry.second_harmonic_percent:
         wave = 0.01 * entry.second_harmonic_percent * random.standard_normal((2, counts.region))
         changes |= {"wall_second_cosine": wave[0], "wall_second_sine": wave[1]}
-    return built.changed(**changes)
+    return as_built.changed(**changes)
 
 
 def towards_tail(load: Load, tilt_deg: float) -> Load:
@@ -273,7 +273,7 @@ def towards_tail(load: Load, tilt_deg: float) -> Load:
 
 
 def applied_test(
-    world: GroundWorld, entry: GroundTest, test: LoadTest, built: AsBuilt, random: np.random.Generator
+    world: GroundWorld, entry: GroundTest, test: LoadTest, as_built: AsBuilt, random: np.random.Generator
 ) -> AppliedTest:
     """Return the test as it is applied to a vehicle of the truth, with drawn errors of its loads."""
     gain, offset = random.standard_normal(2).tolist()
@@ -285,12 +285,12 @@ def applied_test(
             load = moved(load, longer=0.01 * entry.pads_percent)
             if entry.rig_kg and isinstance(known.load, PLACED):
                 rig = hanging(known.load, case, entry.rig_kg)
-                strain[number] += world.load_strain(built, rig, rig)
-            own = world.load_strain(built, load, known.load)
-            strain[number] += own
-            weight[number] += own if isinstance(load, OF_MASS) else 0.0
+                strain[number] += world.load_strain(as_built, rig, rig)
+            load_strain = world.load_strain(as_built, load, known.load)
+            strain[number] += load_strain
+            weight[number] += load_strain if isinstance(load, OF_MASS) else 0.0
 
-    zero, of_load = np.tile(built.zero, (len(strain), 1)), partial(world.load_strain, built)
+    zero, of_load = np.tile(as_built.zero, (len(strain), 1)), partial(world.load_strain, as_built)
     return AppliedTest(test=test, strain=strain, weight=weight, zero=zero, of_load=of_load)
 
 
@@ -304,9 +304,9 @@ def tested(world: GroundWorld, case: Case, number: int) -> tuple[AsBuilt, dict[s
     all cases have the same vehicles and errors of loads.
     """
     entry, random = case.ground or GroundTest(), np.random.default_rng([number, 41])
-    built = with_errors(case, world.drawn(random), np.random.default_rng([number, 43]))
+    as_built = with_errors(case, world.drawn(random), np.random.default_rng([number, 43]))
     model = world.model(entry)
-    applied = applied_test(world, entry, model.test, built, random)
+    applied = applied_test(world, entry, model.test, as_built, random)
     reading = applied.strain + applied.zero
     wanted = spoil_of(entry, model.test)(reading, random, applied)
     noise = MICRO * entry.reading_std_um_per_m * entry.noise_times
@@ -315,7 +315,7 @@ def tested(world: GroundWorld, case: Case, number: int) -> tuple[AsBuilt, dict[s
         estimate, faults = calibrate_with_faults(model.with_readings(reading))
     except InputError:
         says = {"refused": 1.0, "named": 0.0, "gauges_blamed": 0.0, "cases_blamed": 0.0, "per_reading": np.nan}
-        return built, says, None
+        return as_built, says, None
     outside = outside_model(estimate)
     lines = (*(fault.line for fault in faults), *outside.lines, *remarks(estimate))
     refused = bool(unexplained(estimate, outside, faults))
@@ -330,7 +330,7 @@ def tested(world: GroundWorld, case: Case, number: int) -> tuple[AsBuilt, dict[s
         "cases_blamed": len(set(named) - set(wanted)) / len(model.test.cases),
         "per_reading": estimate.per_reading,
     }
-    return built, says, None if refused else estimate
+    return as_built, says, None if refused else estimate
 
 
 EQUATIONS = "load equations"
@@ -357,9 +357,9 @@ def ground_rows(world: GroundWorld, case: Case, plan: Plan) -> dict[str, list[Ro
     said = list[dict[str, float]]()
     read, parts = list[Readings](), {name: list[Estimates]() for name in plan.estimators}
     for number in range(plan.seed, plan.seed + plan.vehicles):
-        (built, says, estimate), covered = tested(world, case, number), 100.0
+        (as_built, says, estimate), covered = tested(world, case, number), 100.0
         if estimate is not None:
-            flown = {name: estimates_of(world, number, built, estimate, name) for name in plan.estimators}
+            flown = {name: estimates_of(world, number, as_built, estimate, name) for name in plan.estimators}
             for name, (_, made) in flown.items():
                 parts[name].append(made)
             read.append(next(iter(flown.values()))[0])
@@ -367,15 +367,16 @@ def ground_rows(world: GroundWorld, case: Case, plan: Plan) -> dict[str, list[Ro
             covered = min((row["covered_percent"] for rows in of_maps for row in rows), default=covered)
         said.append({**says, "silent": not says["named"] and covered < COVERED})
     row = {"load": TEST, "samples": len(said), "vehicles": len(said), **row_of(said)}
-    rows = {CALIBRATION: [{**one, "verdict": NONE, "why": ""} for one in labelled(case, CALIBRATION, [row])]}
+    tests = labelled(case, CALIBRATION, [row])
+    rows = {CALIBRATION: [{**row, "verdict": NONE, "why": ""} for row in tests]}
     if not read:
         return rows
-    every, whole = joined(read), {name: together(made) for name, made in parts.items()}
-    for name, made in whole.items():
+    every, all_flights = joined(read), {name: together(made) for name, made in parts.items()}
+    for name, made in all_flights.items():
         of_name = rows_of(COEFFICIENT_NAMES, made, every)
         add_worst_set(of_name, parts[name], read)
         kind = next(iter(MAPS)) if name == EQUATIONS else name.partition(", ")[0]
-        exact = whole.get(f"{kind}, {EXACT}", made)
+        exact = all_flights.get(f"{kind}, {EXACT}", made)
         if exact is not made:
             add_over_exact(of_name[1:], made, exact, every)
         rows[name] = labelled(case, name, of_name)
@@ -383,7 +384,7 @@ def ground_rows(world: GroundWorld, case: Case, plan: Plan) -> dict[str, list[Ro
 
 
 def estimates_of(
-    world: GroundWorld, number: int, built: AsBuilt, estimate: Estimate, name: str
+    world: GroundWorld, number: int, as_built: AsBuilt, estimate: Estimate, name: str
 ) -> tuple[Readings, Estimates]:
     """Return what vehicle ``number`` reads with several draws of noise in each flight, zeros taken off as far as
     they are known, and estimates of it by the estimator ``name``."""
@@ -392,7 +393,7 @@ def estimates_of(
     def flown(inverse_map: InverseMap, zero: FloatArray = estimate.parameters.zero) -> tuple[Readings, Estimates]:
         """Return readings less ``zero`` (n_d,) [m/m], and estimates."""
         flights, random = world.flights, np.random.default_rng([number, 42])
-        strain = world.pressure @ world.true_structure.strain_operator(built).T + (built.zero - zero)
+        strain = world.pressure @ world.true_structure.strain_operator(as_built).T + (as_built.zero - zero)
         strain = strain[flights.flight]
         strain = strain + inverse_map.noise_std * random.standard_normal(strain.shape)
         vehicle = np.full(len(strain), number)
@@ -400,18 +401,18 @@ def estimates_of(
         return read, _by_equations(world, estimate, read) if kind == EQUATIONS else of_map(inverse_map)(read)
 
     if state == EXACT:
-        known = Remaining(parameters=built, covariance=np.zeros((len(built.vector),) * 2))
+        known = Remaining(parameters=as_built, covariance=np.zeros((len(as_built.vector),) * 2))
         return world.once(  # cases share it
-            (built.vector.tobytes(), kind),
-            lambda: flown(world.map_of(kind, world.true_on_map, known), built.zero),
+            (as_built.vector.tobytes(), kind),
+            lambda: flown(world.map_of(kind, world.true_on_map, known), as_built.zero),
         )
     if state == BEFORE:
-        return flown(world.drawing(kind), built.zero)
+        return flown(world.drawing(kind), as_built.zero)
     if kind == EQUATIONS:
         return flown(world.drawing(next(iter(MAPS))))
     remaining = remaining_after(estimate)
-    left = left_by_test(world.structure, remaining, world.ensemble)
-    return flown(world.map_of(kind, world.structure, remaining, left))
+    remainder = left_by_test(world.structure, remaining, world.ensemble)
+    return flown(world.map_of(kind, world.structure, remaining, remainder))
 
 
 def _by_equations(world: GroundWorld, estimate: Estimate, read: Readings) -> Estimates:
@@ -427,7 +428,7 @@ def _by_equations(world: GroundWorld, estimate: Estimate, read: Readings) -> Est
 def add_over_exact(rows: Sequence[Row], made: Estimates, exact: Estimates, read: Readings) -> None:
     """Add the rms error of each load over the one of the exactly known vehicle, and its error, to ``rows``."""
     clusters = Clusters(read.vehicle, read.flight)
-    square, of_exact = ((one.value - read.truth) ** 2 for one in (made, exact))
+    square, of_exact = ((estimates.value - read.truth) ** 2 for estimates in (made, exact))
     for column, row in enumerate(rows):
         mean, of_mean = float(np.mean(square[:, column])), float(np.mean(of_exact[:, column]))
         ratio = mean / of_mean
@@ -439,7 +440,7 @@ def row_of(said: Sequence[Mapping[str, float]]) -> Row:
     """Return how often the calibration says what [%]; ``silent``: a test is accepted, nothing is named, and its
     map covers a load too seldom."""
     clusters = Clusters(np.arange(len(said)))
-    by_name = {name: np.array([float(one[name]) for one in said]) for name in said[0]}
+    by_name = {name: np.array([float(record[name]) for record in said]) for name in said[0]}
     refused, named, silent = (by_name[name] > 0.0 for name in ("refused", "named", "silent"))
     gauges, cases = by_name["gauges_blamed"], by_name["cases_blamed"]
     return {

@@ -83,16 +83,18 @@ def properties_of(vehicle: Vehicle) -> LoadProperties:
 
 def structure_of_truth(vehicle: Vehicle, is_smooth: bool) -> AsBuiltStructure:
     """Solve the structure of the truth, pressure nodes of its own."""
-    own, resolution = vehicle, vehicle.resolution.truth
+    tested, resolution = vehicle, vehicle.resolution.truth
     if is_smooth:
-        own, coarse = with_smooth_wall(vehicle), vehicle.resolution.map
+        tested, coarse = with_smooth_wall(vehicle), vehicle.resolution.map
         resolution = Resolution(
             **resolution.model_dump(exclude={"element_length_mm", "wall_layers", "harmonics"}),
             element_length_mm=ELEMENT * coarse.element_length_mm,
             wall_layers=LAYERS,
             harmonics=min(resolution.harmonics, max(coarse.harmonics, HARMONICS)),
         )
-    return as_built_structure(own, own.gauges.layout, resolution, properties_of(vehicle), max_harmonic=HARMONICS)
+    return as_built_structure(
+        tested, tested.gauges.layout, resolution, properties_of(vehicle), max_harmonic=HARMONICS
+    )
 
 
 def with_smooth_wall(vehicle: Vehicle) -> Vehicle:
@@ -126,10 +128,12 @@ def flights_of(
     """Return net pressure (k, n_p) [Pa] on the nodes of ``grid`` in ``count`` held-out flights, the same for all
     seeds; and what is read there in as many ``draws`` of noise each, but for the strain."""
     conditions = held_out_conditions(vehicle, table, count, np.random.default_rng(31))
-    ambient, ratio = [one.ambient_pressure for one in conditions], ratio_at(table, conditions, grid.roll_angle)
+    ambient = [condition.ambient_pressure for condition in conditions]
+    ratio = ratio_at(table, conditions, grid.roll_angle)
     net, reference = np.array(ambient)[:, None] * (ratio - 1.0), vehicle.reference_quantities()
     coefficients = coefficients_of(net, load_operator(grid, reference.moment_station), conditions, reference)
-    flight, q = np.repeat(np.arange(count), draws), np.array([one.dynamic_pressure for one in conditions])
+    flight = np.repeat(np.arange(count), draws)
+    q = np.array([condition.dynamic_pressure for condition in conditions])
     return net, Readings(
         strain=np.empty((len(flight), 0)),
         known={**navigation_at(conditions, draws), DYNAMIC_PRESSURE: q[flight]},
@@ -170,14 +174,14 @@ class GroundWorld(Shared):
         """Return one vehicle; a smooth wall has a joint that is as stiff as the wall."""
         structure = self.true_structure
         std = as_built_std(self.vehicle.calibration, structure.counts)
-        found = draw_as_built(std, random)
+        as_built = draw_as_built(std, random)
         if self.options.walls != "smooth":
-            return found
+            return as_built
         edge = structure.regions.end
         at_ends = smooth(edge, random) * std.wall_thickness[0]
         middle = 0.5 * (edge[1:] + edge[:-1])
         cosine, sine = (smooth(middle, random) * std.wall_cosine[0] for _ in range(2))
-        return found.changed(
+        return as_built.changed(
             wall_thickness=0.5 * (at_ends[1:] + at_ends[:-1]),
             wall_taper=0.5 * (at_ends[1:] - at_ends[:-1]),
             wall_cosine=cosine,
@@ -186,7 +190,7 @@ class GroundWorld(Shared):
             joint_softness=np.zeros(structure.counts.joint),
         )
 
-    def load_strain(self, built: AsBuilt, applied: Load, stated: Load) -> FloatArray:
+    def load_strain(self, as_built: AsBuilt, applied: Load, stated: Load) -> FloatArray:
         """Return what the gauges read (n_d,) under a load ``applied``, stated as ``stated``, without zeros [m/m].
 
         Each pad and attitude is solved once. Forces are sums of their three components, which is exact. Where a
@@ -195,20 +199,20 @@ class GroundWorld(Shared):
         """
         structure = self.true_structure
         if not isinstance(applied, PadForce) or not isinstance(stated, PadForce):
-            return structure.load_strain(built, [applied])
+            return structure.load_strain(as_built, [applied])
         if stated.force == NO_VECTOR or applied.force == NO_VECTOR:
             return np.zeros(structure.n_gauges)
         units = [replace(stated, force=unit) for unit in UNIT_VECTORS]
         responses = self.once(
             replace(stated, force=NO_VECTOR),
-            lambda: (together([structure.response(one) for one in units]), structure.nominal_response(units)),
+            lambda: (together([structure.response(unit) for unit in units]), structure.nominal_response(units)),
         )
         strain, of_drawing = (
-            np.asarray(applied.force) @ structure.response_strain(built, response) for response in responses
+            np.asarray(applied.force) @ structure.response_strain(as_built, response) for response in responses
         )
         if replace(stated, force=applied.force) == applied:
             return np.asarray(strain)
-        moved = structure.nominal_strain(built, (applied,))
+        moved = structure.nominal_strain(as_built, (applied,))
         return np.asarray(strain + moved[0] - of_drawing)
 
     @cached_property
@@ -249,12 +253,12 @@ class GroundWorld(Shared):
         return [step.case for step in run_order(plan)]
 
     def map_of(
-        self, kind: str, structure: AsBuiltStructure, remaining: Remaining, left: LeftByTest | None = None
+        self, kind: str, structure: AsBuiltStructure, remaining: Remaining, remainder: LeftByTest | None = None
     ) -> InverseMap:
         """Return the map of :data:`MAPS` of what is known of a vehicle."""
         entry = self.vehicle.map.model_copy(update=MAPS[kind])
         vehicle = self.vehicle.model_copy(update={"map": entry})
-        return calibrated_map(vehicle, self.snapshots, structure, remaining, remainder=left)
+        return calibrated_map(vehicle, self.snapshots, structure, remaining, remainder=remainder)
 
     def drawing(self, kind: str) -> InverseMap:
         """Return the map of the drawing with every tolerance but of zeros, which a tare takes off."""
