@@ -233,7 +233,7 @@ static int get_integers(Model *model, const Selection *which, int *value, char t
         }
         if (variable.kind == INPUT) {
             const double stated = last_input(&e->inputs, Q_SOURCE); /* NaN for AUTO */
-            value[k] = stated <= MACH_AND_ALTITUDE ? (int)stated : AUTO;
+            value[k] = stated <= (double)MACH_AND_ALTITUDE ? (int)stated : AUTO;
         } else {
             const size_t place = variable.place == HEALTH_STATE ? 0 : variable.place - VALID_GAUGES + 1;
             value[k] = (int)whole[variable.kind == TARE_STATE ? TARE_WHOLE : place];
