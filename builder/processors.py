@@ -6,6 +6,7 @@ import ctypes
 import os
 import sys
 from contextlib import AbstractContextManager
+from importlib import import_module
 from typing import cast
 
 MALLOC_OPTIONS = {-1: 2**31 - 1, -2: 64 * 2**20, -3: 32 * 2**20}
@@ -32,10 +33,13 @@ def peak_memory() -> int:
 def one_thread_of_blas() -> AbstractContextManager[object]:
     """Return a context without threads of BLAS and OpenMP: on small matrices they wait for each other.
 
-    `strainfmu calibrate` takes a third less processor time so, and no more time by the clock.
+    `strainfmu calibrate` takes a third less processor time so, and no more time by the clock. Only libraries that
+    are loaded are limited, so numpy's and scipy's are loaded first.
     """
     from threadpoolctl import threadpool_limits
 
+    for name in ("numpy", "scipy.linalg"):
+        import_module(name)
     return cast(AbstractContextManager[object], threadpool_limits(1))
 
 

@@ -1,7 +1,8 @@
-"""Memory of a process that calibrates."""
+"""Memory of a process that calibrates, and its threads of BLAS."""
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 
@@ -30,3 +31,18 @@ def test_freed_arrays_stay_with_the_process() -> None:
         return float(subprocess.run(program, check=True, capture_output=True, text=True).stdout)
 
     assert share("keep_freed_memory()") > 0.95 > 0.5 > share("")
+
+
+def test_libraries_that_load_later_have_one_thread_of_blas() -> None:
+    """numpy and scipy bring a BLAS each, which a fresh process has not loaded."""
+    program = (
+        "from builder.processors import one_thread_of_blas\n"
+        "with one_thread_of_blas():\n"
+        "    import numpy, scipy.linalg\n"
+        "    from threadpoolctl import threadpool_info\n"
+        "    print([pool['num_threads'] for pool in threadpool_info() if pool['user_api'] == 'blas'])"
+    )
+    printed = subprocess.run([sys.executable, "-c", program], check=True, capture_output=True, text=True).stdout
+    threads = json.loads(printed)
+    assert len(threads) >= 1
+    assert set(threads) == {1}

@@ -19,9 +19,12 @@ from strainfmu.cli.commands.printed import say
 
 def demo(*, vehicle: Path | None, verbose: bool, **options: Any) -> None:
     """Run the demonstration, print its accuracy and write its README.txt."""
+    from builder.processors import keep_freed_memory, one_thread_of_blas
+
     console, start = Console(), perf_counter()
     reporter = ConsoleReporter(console, is_verbose=verbose)
-    with naming(vehicle or builder.IC3X):
+    keep_freed_memory()
+    with naming(vehicle or builder.IC3X), one_thread_of_blas():
         result = builder.demo(vehicle=vehicle, **options, progress=reporter)
     write_readme(result, reporter.lines)
     show_result(console, result, verbose)
