@@ -140,7 +140,9 @@ def check(run: Run, vehicle: tuple[InverseMap, Path], cycle_time: float, n_cycle
         assert (causes[~valid] != 0).all()
         # Behind lost or late cycles delay may hide: cause 16, which the frame of results only says to be above 15.
         hides = np.where(is_behind_pause(run, cycle_time), MORE_CAUSES, 0)
-        explained = int(OF_LATENESS) | hides[answers]
+        # A partial cycle lacks the gauges of a frame, and health says so.
+        lacks_gauges = np.where(causes & Cause.PARTIAL_CYCLE, int(Cause.HEALTH), 0)
+        explained = int(OF_LATENESS) | hides[answers] | lacks_gauges
         assert ((causes[~valid] & ~explained[~valid]) == 0).all()
     found = np.column_stack([run.column(name) for name in COEFFICIENT_NAMES])[answers]
     largest = largest_error(vehicle[0], n_cycles, cycles[valid], found[valid])
