@@ -58,7 +58,7 @@ ROLLS = 24
 APART = np.radians(45.0)
 """Smallest difference of two roll angles that counts."""
 
-TOLD, EXPLAINED = 9.0, 25.0
+DISTINGUISHED, LINEAR_EXCESS = 9.0, 25.0
 """Square of the distance in strain, in standard deviations, from which two winds are distinguished, and by how
 much more the linearised problem, from which the sigmas of the estimate follow, may have between them."""
 
@@ -102,7 +102,7 @@ def winds_read_alike(manifold: ManifoldMap) -> tuple[float, float] | None:
         strain = np.linalg.solve(factor, (response.value[:, :n_d] - response.value[i, :n_d]).T)
         slope = np.linalg.solve(factor, response.jacobian[i, :n_d])
         distance, linear = np.sum(strain**2, axis=0), np.sum((slope @ (state - state[i]).T) ** 2, axis=0)
-        alike = far[i] & (distance < TOLD) & (linear - distance > EXPLAINED)
+        alike = far[i] & (distance < DISTINGUISHED) & (linear - distance > LINEAR_EXCESS)
         j = int(np.argmax(np.where(alike, linear - distance, 0.0)))
         if alike[j] and linear[j] - distance[j] > worst:
             worst, pair = float(linear[j] - distance[j]), (float(roll[min(i, j)]), float(roll[max(i, j)]))
@@ -158,7 +158,7 @@ def squares_fitted(c: FloatArray, square: FloatArray, weight: FloatArray) -> Flo
     root = np.sqrt(weight)[:, None]
     size = np.maximum(square.max(axis=0), 1e-300)
     of_combination = (c @ combinations.T) ** 2
-    # The triangular factor in place of all members: the same least squares, at a fraction of the size.
+    # The triangular factor stands for all members: the same least squares, at a fraction of the size.
     basis, triangle = np.linalg.qr(root * of_combination)
     target = basis.T @ (root * square / size)
     factor = np.array([nnls(triangle, column)[0] for column in target.T]).T * size

@@ -99,8 +99,9 @@ class ParameterKind:
 
 def _kind(row: dict[str, str]) -> ParameterKind:
     marks = row.pop("marks").split()
+    texts = {name: text for name, text in row.items() if text and name not in ("group", "sections", "step")}
     return ParameterKind(
-        **{name: text for name, text in row.items() if text and name not in ("group", "sections", "step")},  # type: ignore[arg-type]
+        **texts,  # type: ignore[arg-type]  # columns of the table are fields of text
         sections=tuple(row["sections"].split()),
         step=float(row["step"] or 0.0),
         flight="test_alone" not in marks,

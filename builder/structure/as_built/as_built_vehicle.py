@@ -305,7 +305,7 @@ class BuiltStructure:
 
     @property
     def counts(self) -> Counts:
-        """Numbers of what has parameters of its own."""
+        """Numbers of what has parameters of its own; each structure states them."""
         raise NotImplementedError
 
     @property

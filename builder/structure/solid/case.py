@@ -397,7 +397,7 @@ def _named_meshes(vehicle: Vehicle, resolution: str) -> Meshes:
 def flying_mesh(vehicle: Vehicle, case: SolidCase) -> SolidMesh | None:
     """Return the mesh that plays the vehicle that flies, None where there is none.
 
-    That of a body of sections is finer than the map's, others have the second mesh of their case.
+    A body of sections has a finer mesh than the map's, other shapes the second mesh of their case.
     """
     if vehicle.has_meridian or vehicle.structure.mesh is not None:
         return None if case.second is None else case.second[1](case.mesh.full).full
