@@ -104,7 +104,7 @@ def _of_navigation(
 ) -> FloatArray:
     """Return (k, 4, 4) the information of navigation and of the ranges of the map."""
     unit = np.eye(state.shape[1])
-    information = np.tile(np.diag(manifold.state_prior.std**-2.0), (len(state), 1, 1))
+    information = np.tile(np.diag(manifold.state_prior[1] ** -2.0), (len(state), 1, 1))
     if MACH_NUMBER in known:
         information += np.outer(unit[MACH], unit[MACH]) / manifold.mach_number_error**2
     of_pressure = {STATIC_PRESSURE: manifold.static_pressure_error, ALTITUDE: manifold.altitude_error}

@@ -23,7 +23,7 @@ from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE, INERTIAL_NAMES, QSo
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.gauge_zeros import GaugeZeros, zero_fault
-from strainfmu.estimator.map.inverse_map import has_other_outputs, load_inverse_map
+from strainfmu.estimator.map.inverse_map import groups_of_outputs, load_inverse_map
 from strainfmu.estimator.settings import EstimatorSettings, setting_fault
 from strainfmu.estimator.tare import EdgeTare, KnownStrain
 from strainfmu.fmu.python.stop_time import stop_fault
@@ -81,7 +81,7 @@ class EstimatorSlave(Fmi2Slave):
         self._zeros = [references[name] for name in zero_names(self._n_strains)]
         self._zeros_outdated = False
         self._time_constant = references.get(FILTER_TIME_CONSTANT)
-        self._has_other_loads = has_other_outputs(inverse_map)
+        self._has_other_loads = bool(groups_of_outputs(inverse_map))
         self._temperatures = [references[name] for name in temperature_names(inverse_map.thermal)]
         self._tare = EdgeTare(self._estimator.core, inverse_map, _known_strain(resources / "tare_known.json"))
         self._asked, self._tare_state = references[TARE], references[TARE_STATE]

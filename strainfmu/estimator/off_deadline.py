@@ -28,13 +28,7 @@ from strainfmu.estimator.estimate import Estimate, PressureField
 from strainfmu.estimator.gauge_zeros import GaugeZeros
 from strainfmu.estimator.map.flight_tables import LOG_PRESSURE, MACH, MIN_INCIDENCE, Response, U, W, evaluate
 from strainfmu.estimator.map.inverse_map import InverseMap, with_gauge_covariance
-from strainfmu.estimator.map.nonlinear_map import (
-    FlightField,
-    ManifoldMap,
-    ShapeField,
-    field_with_known,
-    with_known,
-)
+from strainfmu.estimator.map.nonlinear_map import FlightField, ManifoldMap, ShapeField, with_known
 from strainfmu.estimator.map.sensors import readings_of_modes, vibration_ratio, with_vibration
 from strainfmu.estimator.numerics import local_basis
 from strainfmu.estimator.other_loads import FIVE_LOADS, OTHER_LOADS
@@ -85,14 +79,12 @@ def _of_tables(
         return unknown_field(field.n_nodes, is_net=False)
     state, covariance = estimate.state, estimate.state_covariance
     if not estimate.is_linear:
-        tables, value, std = manifold, *_known_parameters(estimate, sample)
-        if isinstance(field, ShapeField) and field.parameters is not None and manifold.parameters is not None:
-            tables = with_known(manifold, value, std)
-            field = field_with_known(field, manifold.parameters.powers, value, std)
+        tables = manifold
+        if isinstance(field, ShapeField) and field.parameters is not None:
+            tables = with_known(manifold, *_known_parameters(estimate, sample))
         return flight_pressure(
             manifold,
             tables,
-            field,
             state=state,
             state_covariance=covariance,
             strain=strain,
@@ -266,7 +258,8 @@ def table_pressure(manifold: ManifoldMap, field: FlightField | ShapeField, state
 
 
 def _of_shape(manifold: ManifoldMap, field: ShapeField, state: FloatArray) -> Response:
-    tables = field.tables(manifold.tables)
+    fixed = np.zeros(field.modes.shape[1])
+    tables = replace(manifold.tables, response=field.amplitude, fixed_response=fixed)
     value, jacobian = (field.modes @ part[0] for part in evaluate(tables, state[None]))
     pressure = float(np.exp(state[LOG_PRESSURE]))
     jacobian[:, LOG_PRESSURE] += pressure
@@ -305,7 +298,6 @@ def _of_rings(manifold: ManifoldMap, field: FlightField, state: FloatArray) -> R
 def flight_pressure(
     manifold: ManifoldMap,
     tables: ManifoldMap,
-    field: FlightField | ShapeField,
     *,
     state: FloatArray,
     state_covariance: FloatArray,
@@ -317,12 +309,14 @@ def flight_pressure(
 
     Parameters
     ----------
-    manifold, tables, field : the map's, with the noise of the sample; tables and field with what is known of it.
+    manifold, tables : the map's, with the noise of the sample; the second with what is known of parameters.
     state, state_covariance : (4,), (4, 4) of the estimate.
     strain, used : (n_d,) strain [m/m], and the gauges that the state follows from.
     with_std : false leaves the standard deviation NaN.
     """
-    table, n_d = table_pressure(manifold, field, state), len(strain)
+    field, n_d = tables.surface_field, len(strain)
+    assert field is not None
+    table = table_pressure(manifold, field, state)
     value, by_state_of_rows = (part[0] for part in evaluate(tables.tables, state[None]))
     covariance = strain_covariance(tables, manifold.gauge_covariance, state[None], considered=False)[0]
     factor = np.linalg.cholesky(np.where(used[:, None] & used, covariance, np.eye(n_d)))

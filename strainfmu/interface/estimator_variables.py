@@ -115,7 +115,7 @@ def output_values(estimate: Estimate, with_other_loads: bool = False) -> list[fl
     """Return the outputs of ``estimate`` in the order of their value references; the state of the tare is none.
 
     ``with_other_loads`` for maps that have loads in addition to the five as outputs
-    (:func:`~strainfmu.interface.other_load_variables.has_other_outputs`).
+    (:func:`~strainfmu.estimator.map.inverse_map.groups_of_outputs`).
     """
     of_flight = flight_outputs(estimate) if len(estimate.air_data_used) > 0 else ()
     other_loads = other_load_values(estimate) if with_other_loads else ()

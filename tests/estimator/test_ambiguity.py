@@ -52,8 +52,8 @@ def flights(estimator: Estimator) -> Flights:
     strain, loads = response[:, :N_D], response[:, N_D:]
     covariance = strain_covariance(manifold, manifold.gauge_covariance, state)
     error = (np.linalg.cholesky(covariance) @ random.standard_normal((k, N_D, 1)))[:, :, 0]
-    gain = PRESSURE**2 * manifold.load_strain_covariance
-    left = PRESSURE**2 * manifold.load_covariance - gain @ np.linalg.solve(covariance, gain.T)
+    gain = PRESSURE**2 * (manifold.error_load @ manifold.error_strain.T)
+    left = PRESSURE**2 * (manifold.error_load @ manifold.error_load.T) - gain @ np.linalg.solve(covariance, gain.T)
     value, vector = np.linalg.eigh(left)
     own = (vector * np.sqrt(np.maximum(value, 0.0))[:, None, :]) @ random.standard_normal((k, 5, 1))
     followed = np.einsum("ln,kn->kl", gain, np.linalg.solve(covariance, error[:, :, None])[:, :, 0])

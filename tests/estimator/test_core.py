@@ -89,7 +89,7 @@ def test_without_a_compiler_a_line_says_how_to_get_the_library(linear: InverseMa
 
 def test_numpy_behind_the_same_interface(linear: InverseMap) -> None:
     """Without errors in proportion to strain, whose trace numpy has exactly and the core between its levels."""
-    linear = replace(linear, **nothing_of(linear, "gauge_error_product", "common_error", "mean_product"))
+    linear = replace(linear, **nothing_of("gauge_error_product", "common_error", "mean_product"))
     compiled = Estimator(linear)
     by_numpy = NumpyCore(linear, compiled.core.resource)
     names = ("inputs", "outputs", "fit")

@@ -198,6 +198,6 @@ def test_the_limit_of_the_score_is_that_of_the_map() -> None:
 
 def test_a_map_without_an_envelope_is_nowhere_outside() -> None:
     ranges = ("dynamic_pressure_range", "mach_number_range", "altitude_range")
-    inverse_map = replace(enclosed(), **nothing_of(enclosed(), "envelope_direction", "envelope_limit", *ranges))
+    inverse_map = replace(enclosed(), **nothing_of("envelope_direction", "envelope_limit", *ranges))
     strain = strain_of_normal_force(inverse_map, 3.0, 1e6)
     assert Estimator(inverse_map).step(strain, 1e6, mach_number=20.0).health == HealthState.OK

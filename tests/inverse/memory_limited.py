@@ -92,7 +92,7 @@ def build(folder: Path) -> dict[str, object]:
         inverse_map = build_inverse_map(changed, snapshots, structure)
         found[f"case {case}, seconds"] = perf_counter() - start
         names = ("field_mean", "field_modes", "field_std", "point", "triangle")
-        bare = replace(inverse_map, **nothing_of(inverse_map, *names))
+        bare = replace(inverse_map, **nothing_of(*names))
         for which, one in (("with", inverse_map), ("without", bare)):
             save_inverse_map(one, folder / "map.h5")
             found[f"case {case}, bytes {which} field"] = (folder / "map.h5").stat().st_size

@@ -71,7 +71,7 @@ class Maps:
         problem = inverse_problem(self.vehicle, self.snapshots, structure)
         found = inverse_map_of(self.vehicle, self.snapshots, structure, problem, solve(problem))
         # Flights drawn from the map's own model leave what its snapshots cover.
-        return replace(found, **nothing_of(found, "envelope_direction", "envelope_limit"))
+        return replace(found, **nothing_of("envelope_direction", "envelope_limit"))
 
 
 @pytest.fixture(scope="module")

@@ -67,7 +67,7 @@ def test_drawn_at_their_size_they_are_in_sigma_and_no_alarm(both: tuple[Estimato
     rms_z = np.sqrt(np.mean(((wide.loads - own[:, N_D:]) / wide.loads_std) ** 2, axis=0))
     assert np.all((rms_z > 0.85) & (rms_z < 1.1))
     assert np.mean(np.asarray(wide.health) != HealthState.OK) < 5e-3
-    of_states = len(manifold.state_prior.mean)
+    of_states = len(manifold.state_prior[0])
     assert np.mean(wide.chi_square) == pytest.approx(np.mean(wide.degrees_of_freedom) - of_states, rel=0.02)
     narrow = found[both[0]]
     assert np.mean(np.abs(narrow.loads - own[:, N_D:]) > 3.0 * narrow.loads_std) > 0.02

@@ -125,9 +125,9 @@ def map_of_some(case: ReportCase, problem: Problem, solution: Solution, kept: li
         load_per_state=problem.load_operator @ solution.field_modes,
         mean_strain=solved.mean_strain,
         form="absolute",
-        **nothing_of(whole, "fixed_strain", "fixed_load", "zero_offset"),
-        **nothing_of(whole, "gauge_error_product", "common_error", "mean_product"),
-        **nothing_of(whole, "sensors", "thermal"),
+        **nothing_of("fixed_strain", "fixed_load", "zero_offset"),
+        **nothing_of("gauge_error_product", "common_error", "mean_product"),
+        **nothing_of("sensors", "thermal"),
     )
 
 

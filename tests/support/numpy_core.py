@@ -33,7 +33,7 @@ from strainfmu.estimator.health import (
     chi_square_limit,
     outlier_threshold,
 )
-from strainfmu.estimator.map.inverse_map import InverseMap, has_other_outputs
+from strainfmu.estimator.map.inverse_map import InverseMap, groups_of_outputs
 from strainfmu.estimator.map.sensors import readings_of_modes, vibration_ratio, with_vibration
 from strainfmu.estimator.map.validity import (
     LARGEST_SCORE,
@@ -111,7 +111,7 @@ class NumpyCore:
         self.resource, self._map = resource, inverse_map
         n, n_strains = inverse_map.n_gauges, inverse_map.n_strain_gauges
         n_t, has_thrust = inverse_map.thermal.n_sensors, inverse_map.sensors.follows_thrust.any()
-        m = inverse_map.n_loads - FIVE_LOADS.stop if has_other_outputs(inverse_map) else 0
+        m = inverse_map.n_loads - FIVE_LOADS.stop if groups_of_outputs(inverse_map) else 0
         n_p = len(flow_parameters(inverse_map).names)
         self.n_rows = n
         self.inputs = _layout(

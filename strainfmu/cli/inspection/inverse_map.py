@@ -26,10 +26,9 @@ from strainfmu.estimator.map.inverse_map import (
     SCHEMA,
     SCHEMA_VERSION,
     InverseMap,
-    left_out,
     load_inverse_map,
 )
-from strainfmu.estimator.map.schema import Entry, entries
+from strainfmu.estimator.map.schema import Entry, entries, left_out
 from strainfmu.estimator.map.sensors import CHANNELS, InertiaMap, ThermalMap, shown_units
 from strainfmu.estimator.map.validity import RECORDED_KEYS, valid_ranges
 from strainfmu.estimator.other_loads import FIVE_LOADS

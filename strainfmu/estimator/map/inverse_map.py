@@ -14,23 +14,18 @@ reports.
 
 Errors of gain, stiffness, wall, gauge position and layout roll grow with strain, which is nearly linear in the
 coefficients C that the step has estimated. The weights have them at their mean over the snapshots; with c = [1, C]
-the covariance is the one in the weights plus
-
-    s^2 sum_ab (c_a c_b - mean of c_a c_b) G H_ab G',   H_ab = diag(sum_t D_tai D_tbi) + sum_t E_ta E_tb',
-
-D_t a term that is independent from gauge to gauge, E_t one that all gauges have in common, both per standard
-deviation. The same sum with the precision P instead of G gives the expected chi-square. G and P change slowly with
-the pressure ratio s: their products are computed at fixed levels and are linear in s between them.
+the rest is of sum_ab (c_a c_b - mean of c_a c_b) H_ab, H_ab = diag(sum_t D_tai D_tbi) + sum_t E_ta E_tb'. D_t is a
+term that is independent from gauge to gauge, E_t one that all gauges have in common, both per standard deviation
+(:func:`~strainfmu.estimator.reference.linear.excess_covariance`).
 
 Form "absolute" is the paper's: the model holds as it stands. In form "dynamic_pressure" it holds at the nominal
-dynamic pressure; at s times that, d = d_0 + s (m - d_0 + A q + N y) + e_g and f = f_0 + s (..)
-(:mod:`strainfmu.estimator.reference.linear`).
+dynamic pressure; :mod:`strainfmu.estimator.reference.linear` has it at others.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import MISSING, dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
@@ -47,12 +42,15 @@ from strainfmu.estimator.map.schema import (
     BOUNDS,
     COVARIANCE,
     FROM_0,
+    NO_BOUNDS,
     POSITIVE,
-    check,
-    described,
+    UNIQUE,
+    MapRecord,
+    Sizes,
     entries,
     entry,
-    neutral_fields,
+    has_no_values,
+    left_out,
 )
 from strainfmu.estimator.map.sensors import (
     HingeLines,
@@ -85,22 +83,15 @@ FORMS = PER_PRESSURE, ABSOLUTE = (DYNAMIC_PRESSURE, "absolute")
 PAIRS = tuple((a, b) for a in range(6) for b in range(a, 6))
 """The 21 products c_a c_b of c = [1, C_A, C_N, C_Y, M_P, M_Y], a <= b."""
 
-GROUPS = (("gauge_error_product", "common_error", "mean_product"), ("fixed_strain", "fixed_load"))
-"""Fields that a map has all of, or none."""
-
 FIELD = ("field_mean", "field_modes", "point", "triangle")
-"""The same of the pressure on the surface."""
+"""Fields of the pressure on the surface, of which a map has all or none."""
 
 _ROUND_OFF = 1e-6
 """Largest relative difference between numbers that are equal but for round-off."""
 
-DEFAULT_SCORE_LIMIT = 3.0
-"""Standard deviations beyond the envelope that count as outside, where the map states no other."""
 
-
-@described
-@dataclass(frozen=True, kw_only=True, eq=False)
-class InverseMap:
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class InverseMap(MapRecord, where="inverse map"):
     """A finished inverse map for n_d gauges and n_q pressure states.
 
     Loads are outputs, n_f of them: the five of :data:`LOAD_NAMES` [N, N, N, N m, N m], then the loads of the
@@ -116,7 +107,7 @@ class InverseMap:
     vehicle: str = entry(meaning="name of the vehicle and what it stands for", unit="")
     case: int = entry(meaning="1, least squares on POD modes, or 2, low-rank Gaussian prior", unit="",
         allowed=CASES)
-    gauge_names: tuple[str, ...] = entry("n_d", "", "names, unique")
+    gauge_names: tuple[str, ...] = entry("n_d", "", "names, unique", rule=UNIQUE)
     gauge_position: FloatArray = entry("n_d 3", "m", "position in body axes")
     gauge_direction: FloatArray = entry("n_d 3", "1", "unit vectors of the measured strain in body axes")
     noise_std: FloatArray = entry("n_d", "m/m", "sigma, standard deviation of the noise of each gauge",
@@ -157,9 +148,9 @@ class InverseMap:
     form: str = entry(unit="", meaning="dynamic_pressure or absolute", default="absolute", allowed=FORMS)
     fixed_strain: FloatArray = entry("n_d", "m/m",
         "d_0, strain that does not follow q_inf, as by an internal pressure that is not the ambient one",
-        neutral=0.0)
+        neutral=0.0, group="fixed")
     fixed_load: FloatArray = entry("n_f", "N, N.m", "f_0, the same of loads; both are part of the mean",
-        neutral=0.0)
+        neutral=0.0, group="fixed")
     own_error_strain: FloatArray = entry("n_d", "m/m",
         "standard deviation of each gauge's own errors that grow with the pressure, besides error_strain",
         neutral=0.0, rule=FROM_0)
@@ -168,11 +159,11 @@ class InverseMap:
         neutral=0.0, place="settings.zero_offset", stored="n_strains")
     gauge_error_product: FloatArray = entry("21 n_d", "(m/m)^2",
         "errors that follow the current strain: sum of D_a D_b over the terms of each gauge, doubled for a < b",
-        neutral=0.0, place="scaled_errors.of_gauge")
+        neutral=0.0, group="errors at strain", place="scaled_errors.of_gauge")
     common_error: FloatArray = entry("n_e 6 n_d", "m/m", "E of each such term that all gauges have in common",
-        neutral=0.0, place="scaled_errors.common")
+        neutral=0.0, group="errors at strain", place="scaled_errors.common")
     mean_product: FloatArray = entry("21", "1", "mean of c_a c_b over the snapshots", neutral=0.0,
-        place="scaled_errors.mean_product")
+        group="errors at strain", place="scaled_errors.mean_product")
     dynamic_pressure_error: float = entry(
         meaning="standard deviation of q_inf over q_inf, where the caller states none", default=0.0,
         place="linear.dynamic_pressure_error", low=0.0, high=1.0)
@@ -188,14 +179,14 @@ class InverseMap:
         neutral=0.0, place="envelope.direction", stored="5 m")
     envelope_limit: FloatArray = entry("m", "1", "see envelope_direction", neutral=0.0, place="envelope.limit")
     envelope_score_limit: float = entry(meaning="standard deviations beyond them that count as outside",
-        default=DEFAULT_SCORE_LIMIT, place="envelope.score_limit", rule=POSITIVE)
-    dynamic_pressure_range: FloatArray = entry("2", "Pa", "validity, -inf to inf without limits", neutral=0,
-        rule=BOUNDS)
-    mach_number_range: FloatArray = entry("2", "1", "validity", neutral=0, rule=BOUNDS)
-    altitude_range: FloatArray = entry("2", "m", "validity", neutral=0, rule=BOUNDS)
+        default=3.0, place="envelope.score_limit", rule=POSITIVE)
+    dynamic_pressure_range: FloatArray = entry("2", "Pa", "validity, -inf to inf without limits",
+        neutral=NO_BOUNDS, rule=BOUNDS)
+    mach_number_range: FloatArray = entry("2", "1", "validity", neutral=NO_BOUNDS, rule=BOUNDS)
+    altitude_range: FloatArray = entry("2", "m", "validity", neutral=NO_BOUNDS, rule=BOUNDS)
     sensors: SensorRows = entry(unit="",
         meaning="what the rows measure; other fields hold all rows as strain, readings over ``sensors.scale``",
-        neutral=lambda m: strain_rows(len(m.gauge_names)), default=strain_rows(0), record=SensorRows)
+        neutral=lambda m: strain_rows(len(m.gauge_names)), record=SensorRows)
     section_station: FloatArray = entry("n_s", "m", "x of the sections, rising; may be empty", default=np.zeros(0))
     hinge_lines: HingeLines | None = entry(unit="",
         meaning="lines of the hinge moments; None where none are wanted", default=None, record=HingeLines)
@@ -204,8 +195,7 @@ class InverseMap:
         default=None, record=HingeLines)
     thermal: ThermalMap = entry(unit="",
         meaning="modes of the wall's temperature and sensors of it; no modes where the map knows of none",
-        neutral=lambda m: no_temperature(m.gauge_covariance), default=no_temperature(np.zeros((0, 0))),
-        record=ThermalMap)
+        neutral=lambda m: no_temperature(m.gauge_covariance), record=ThermalMap)
     inertia: InertiaMap | None = entry(unit="", meaning="modes of the vehicle's inertia, and what measures them",
         default=None, record=InertiaMap)
     manifold: ManifoldMap | None = entry(unit="", meaning="tables of the nonlinear estimator for the same gauges",
@@ -213,12 +203,51 @@ class InverseMap:
     # fmt: on
 
     def __post_init__(self) -> None:
-        _check_groups(self)
+        missing = [name for name in FIELD if has_no_values(getattr(self, name))]
+        if 0 < len(missing) < len(FIELD):
+            names = ", ".join(missing)
+            raise InputError(f"inverse map: {names} missing, the pressure field needs {', '.join(FIELD)}")
         _check_number_of_loads(self)
-        lengths = {"n_f": self.load_of_mean.size, "n_p": len(self.field_mean)}
-        check(self, "inverse map", n_d=len(self.gauge_names), n_q=self.state_operator.shape[-1], **lengths)
-        for wrong in _contradictions(self):
-            raise InputError(f"inverse map: {wrong}")
+        super().__post_init__()
+
+    def sizes(self) -> Sizes:
+        """Return the lengths by which neutral arrays are made."""
+        n_d, n_q, n_f = self.n_gauges, self.state_operator.shape[-1], self.n_loads
+        return {
+            "n_d": n_d,
+            "n_q": n_q,
+            "n_f": n_f,
+            "n_p": 0 if has_no_values(self.field_mean) else len(self.field_mean),
+        }
+
+    def contradictions(self) -> Iterator[str]:
+        """Yield what is wrong between fields, each of which is right by itself, and what is allowed."""
+        gamma, is_free, n_d, n_q = self.regularisation, self.case == 1, self.n_gauges, self.n_states
+        n_p, n_aux, manifold = len(self.field_mean), n_d - self.n_strain_gauges, self.manifold
+        if not (gamma == 0.0 if is_free else 0.0 < gamma < np.inf):
+            yield f"regularisation is {gamma}, must be {'0' if is_free else 'positive'} in Case {self.case}"
+        if self.follows_pressure and gamma not in (0.0, 1.0):
+            yield f"regularisation is {gamma}, must be 1 (0 in Case 1) in form 'dynamic_pressure'"
+        if is_free and n_d <= n_q:
+            yield f"{n_d} gauges for {n_q} states found, health needs at least one gauge more"
+        if self.errors_follow_strain and not self.mean_product.any():
+            yield "mean_product is 0, must be given where gauge_error_product or common_error is not 0"
+        if len(self.triangle) and not (self.triangle.min() >= 0 and self.triangle.max() < n_p):
+            yield f"triangle names nodes outside 0 .. {n_p - 1}"
+        if manifold is not None:
+            surface = manifold.surface_field
+            if surface is not None and self.has_field and surface.n_nodes != n_p:
+                yield f"pressure_field has {surface.n_nodes} nodes, must have {n_p}"
+            if len(manifold.sensor_gain_std) != n_aux:
+                yield f"tables of {len(manifold.sensor_gain_std)} auxiliary sensors, must be of {n_aux}"
+        scaled = self.own_error_strain**2 + row_squares(self.error_strain)
+        total = np.diag(self.gauge_covariance) + scaled
+        if not np.all(total >= (1.0 - _ROUND_OFF) * self.noise_std**2):
+            yield "gauge_covariance has variances below noise_std squared, must hold the gauge noise"
+        whitened = self.state_operator / self.noise_std[:, None]
+        size = np.linalg.norm(whitened, axis=0)
+        if is_free and not (np.all(size > 0.0) and np.linalg.matrix_rank(whitened / size) == n_q):
+            yield "state_operator does not identify the states: its columns are dependent"
 
     def _repr_html_(self) -> str:
         method = {1: "least squares on POD modes", 2: "low-rank Gaussian prior"}[self.case]
@@ -312,8 +341,12 @@ class InverseMap:
 
     @cached_property
     def thermal_and_inertia(self) -> ThermalMap:
-        """Modes of the wall's temperature, then modes of inertia, with all that measures them."""
-        return with_inertia(self.thermal, self.inertia)
+        """Modes of the wall's temperature, then modes of inertia and of vibration, with all that measures them.
+
+        Channels are sensors behind those of temperature, which read channels above the reference temperature. The
+        gauges are no warmer by modes of inertia. Nothing measures vibration.
+        """
+        return self.thermal if self.inertia is None else with_inertia(self.thermal, self.inertia)
 
     @property
     def errors_follow_strain(self) -> bool:
@@ -346,17 +379,6 @@ class InverseMap:
         return self.n_gauges - (self.n_states if self.case == 1 else 0)
 
 
-def _check_groups(inverse_map: InverseMap) -> None:
-    """Check that fields which belong together are all given or all absent."""
-    for names in GROUPS:
-        stated = [name for name in names if getattr(inverse_map, name).shape != (0,)]
-        if stated and len(stated) < len(names):
-            raise InputError(f"inverse map: {', '.join(stated)} of {', '.join(names)} found, must be all or none")
-    missing = [name for name in FIELD if not getattr(inverse_map, name).size]
-    if missing and len(missing) < len(FIELD):
-        raise InputError(f"inverse map: {', '.join(missing)} missing, the pressure field needs {', '.join(FIELD)}")
-
-
 def _check_number_of_loads(inverse_map: InverseMap) -> None:
     """Check that the loads are the five, or these with the loads of every group."""
     groups, n_loads = inverse_map.load_groups, inverse_map.load_of_mean.size
@@ -368,56 +390,9 @@ def _check_number_of_loads(inverse_map: InverseMap) -> None:
         raise InputError(f"inverse map: load_of_mean has {n_loads} loads, must be {words}")
 
 
-def _contradictions(inverse_map: InverseMap) -> Iterator[str]:
-    """Yield what is wrong between fields, each of which is right by itself, and what is allowed."""
-    gamma, is_free = inverse_map.regularisation, inverse_map.case == 1
-    n_d, n_q, n_p = inverse_map.n_gauges, inverse_map.n_states, len(inverse_map.field_mean)
-    triangle, manifold = inverse_map.triangle, inverse_map.manifold
-    if len(set(inverse_map.gauge_names)) != n_d or n_d == 0:
-        yield "gauge_names must hold at least one name and none twice"
-    if not (gamma == 0.0 if is_free else 0.0 < gamma < np.inf):
-        yield f"regularisation is {gamma}, must be {'0' if is_free else 'positive'} in Case {inverse_map.case}"
-    if inverse_map.follows_pressure and gamma not in (0.0, 1.0):
-        yield f"regularisation is {gamma}, must be 1 (0 in Case 1) in form 'dynamic_pressure'"
-    if is_free and n_d <= n_q:
-        yield f"{n_d} gauges for {n_q} states found, health needs at least one gauge more"
-    if inverse_map.errors_follow_strain and not inverse_map.mean_product.any():
-        yield "mean_product is 0, must be given where gauge_error_product or common_error is not 0"
-    if len(triangle) and not (triangle.min() >= 0 and triangle.max() < n_p):
-        yield f"triangle names nodes outside 0 .. {n_p - 1}"
-    surface = None if manifold is None else manifold.surface_field
-    if surface is not None and inverse_map.has_field and surface.n_nodes != n_p:
-        yield f"pressure_field has {surface.n_nodes} nodes, must have {n_p}"
-    if manifold is not None and len(manifold.sensor_gain_std) != n_d - inverse_map.n_strain_gauges:
-        n_aux = n_d - inverse_map.n_strain_gauges
-        yield f"tables of {len(manifold.sensor_gain_std)} auxiliary sensors, must be of {n_aux}"
-    scaled = inverse_map.own_error_strain**2 + row_squares(inverse_map.error_strain)
-    total = np.diag(inverse_map.gauge_covariance) + scaled
-    if not np.all(total >= (1.0 - _ROUND_OFF) * inverse_map.noise_std**2):
-        yield "gauge_covariance has variances below noise_std squared, must hold the gauge noise"
-    whitened = inverse_map.state_operator / inverse_map.noise_std[:, None]
-    size = np.linalg.norm(whitened, axis=0)
-    if is_free and not (np.all(size > 0.0) and np.linalg.matrix_rank(whitened / size) == n_q):
-        yield "state_operator does not identify the states: its columns are dependent"
-
-
-def nothing_of(inverse_map: InverseMap, *names: str) -> dict[str, Any]:
-    """Return changes of ``inverse_map``, for :func:`dataclasses.replace`, that leave its fields ``names`` out."""
-    factories = {item.name: item.default_factory for item in fields(inverse_map) if item.name in names}
-    assert MISSING not in factories.values(), f"expected fields that a map may leave out, got {names}"
-    # MISSING is no function, and none of these is MISSING: mypy does not follow the assertion.
-    return {name: factory() for name, factory in factories.items()}  # type: ignore[operator]
-
-
-def left_out(record: Any) -> list[str]:
-    """Return the names of the fields of a map, or of a record in it, that its file leaves out."""
-    if not isinstance(record, InverseMap):
-        return neutral_fields(record)
-    names = neutral_fields(
-        record, n_d=record.n_gauges, n_f=record.n_loads, n_q=record.n_states, n_p=len(record.field_mean)
-    )
-    partial = {name for group in GROUPS if not set(names).issuperset(group) for name in group}
-    return [name for name in names if name not in partial]
+def nothing_of(*names: str) -> dict[str, Any]:
+    """Return changes of a map, for :func:`dataclasses.replace`, that leave its fields ``names`` out."""
+    return dict.fromkeys(names)
 
 
 def save_inverse_map(inverse_map: InverseMap, path: str | PathLike[str], built: str = "") -> str:
@@ -456,15 +431,13 @@ def has_filter(inverse_map: InverseMap) -> bool:
     return inverse_map.manifold is not None or inverse_map.case == 1 or inverse_map.regularisation == 1.0
 
 
-def has_other_outputs(inverse_map: InverseMap) -> bool:
-    """Return whether FMUs of the map state such loads: by tables, or in form "dynamic_pressure"."""
-    in_core = inverse_map.manifold is not None or inverse_map.follows_pressure
-    return inverse_map.has_other_loads and in_core
-
-
 def groups_of_outputs(inverse_map: InverseMap) -> tuple[LoadGroup, ...]:
-    """Return the groups of loads that FMUs of the map state after the five; none where they state none."""
-    return inverse_map.load_groups if has_other_outputs(inverse_map) else ()
+    """Return the groups of loads that FMUs of the map state after the five.
+
+    None but for maps with tables or in form "dynamic_pressure".
+    """
+    in_core = inverse_map.manifold is not None or inverse_map.follows_pressure
+    return inverse_map.load_groups if inverse_map.has_other_loads and in_core else ()
 
 
 def with_gauge_covariance(

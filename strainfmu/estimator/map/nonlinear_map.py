@@ -12,6 +12,7 @@ p + C S^-1 r, C the covariance of pressure off the tables with its strain.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -21,16 +22,14 @@ from numpy.typing import NDArray
 
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.atmosphere import DEVIATION_OF_AIR
-from strainfmu.errors import InputError
 from strainfmu.estimator.health import chi_square_limit
 from strainfmu.estimator.map.flight_tables import LOG_PRESSURE, MACH, N_STATES, FlightTables, U, W
-from strainfmu.estimator.map.schema import COVARIANCE, FROM_0, INCREASING, POSITIVE, RANGE, check, described, entry
+from strainfmu.estimator.map.schema import COVARIANCE, FROM_0, INCREASING, POSITIVE, RANGE, MapRecord, Sizes, entry
 from strainfmu.estimator.other_loads import FIVE_LOADS
 
 
-@described
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Powers:
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class Powers(MapRecord, where="powers"):
     """J powers of n_p parameters."""
 
     # fmt: off
@@ -52,48 +51,31 @@ class Powers:
         pairs = 0.5 * power * (power - 1) * variance
         return np.asarray(z**power + pairs * z ** np.maximum(power - 2, 0) - self.offset)
 
-    def derivative(self, values: FloatArray) -> FloatArray:
-        """Return (k, J) derivatives of the powers of ``values`` (k, n_p) by z."""
-        return np.asarray(self.power * self._scaled(values) ** (self.power - 1))
+    def known(self, value: FloatArray, std: FloatArray) -> KnownPowers:
+        """Return what is known of the powers; ``value`` and ``std`` as of :func:`with_known`."""
+        variance = self.spread**2
+        known = np.isfinite(value) & np.isfinite(std) & (variance > 0.0)
+        with np.errstate(over="ignore"):  # of a deviation so large that nothing is known
+            weight = np.where(known, variance / np.where(known, variance + std**2, 1.0), 0.0)
+        middle = (self.mean + weight * np.where(known, value - self.mean, 0.0))[None]
+        shift = np.where(known[self.parameter], self.change(middle, 1.0 - weight)[0], 0.0)
+        derivative = self.power * self._scaled(middle)[0] ** (self.power - 1)
+        return KnownPowers(self.parameter, shift, weight, derivative)
 
     def _scaled(self, values: FloatArray) -> FloatArray:
         z = (values - self.mean) / np.where(self.spread > 0.0, self.spread, 1.0)
         return np.asarray(z[:, self.parameter])
 
 
-@described
-@dataclass(frozen=True, eq=False, kw_only=True)
-class ParameterTables:
-    """Tables of n rows by J powers of n_p parameters: strains, then all loads."""
+class KnownPowers(NamedTuple):
+    """What is known of J powers of n_p parameters.
 
-    # fmt: off
-    powers: Powers = entry(unit="", meaning="of the parameters", record=Powers)
-    slope: FloatArray = entry("n_M+2 n_a+2 J n n_m 2", "1/Pa, m2, m3",
-        "spline coefficients per p_inf, on the knots of the tables of strain")
-    unit_error: FloatArray = entry("J n k_unit", "1/Pa, m2, m3",
-        "errors per p_inf and unit of a power, over the states of the snapshots")
-    spread_error: FloatArray = entry("n_p n k_spread", "1/Pa, m2, m3",
-        "errors per p_inf of a parameter that is not known")
-    error: FloatArray = entry("n k_rest", "1/Pa, m2, m3", "the other errors of the map, per p_inf")
-    # fmt: on
-
-    def __post_init__(self) -> None:
-        check(self, "parameter tables")
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class KnownPowers:
-    """What is known of the J powers of n_p parameters.
-
-    Attributes
-    ----------
-    powers : of the parameters.
-    shift : (J,) each power that is known, less its mean [1].
-    weight : (n_p,) of a stated value against the spread, 0 where nothing is known.
-    derivative : (J,) of each power by z about what is known.
+    ``parameter`` (J,) is the parameter of each power, ``shift`` (J,) each power that is known, less its mean [1],
+    ``derivative`` (J,) its derivative by z there, and ``weight`` (n_p,) the weight of a stated value against the
+    spread, 0 where nothing is known.
     """
 
-    powers: Powers
+    parameter: IntArray
     shift: FloatArray
     weight: FloatArray
     derivative: FloatArray
@@ -107,30 +89,30 @@ class KnownPowers:
         """
         columns = []
         for parameter, part in enumerate(self.weight.tolist()):
-            powers = self.powers.parameter == parameter
+            powers = self.parameter == parameter
             by_std = self.derivative[powers] * np.sqrt(part * (1.0 - part))
             columns += [np.tensordot(by_std, unit_error[powers], 1), (1.0 - part) * spread_error[parameter]]
         return columns
 
 
-def known_powers(powers: Powers, value: FloatArray, std: FloatArray) -> KnownPowers:
-    """Return what is known of ``powers``; ``value`` and ``std`` as of :func:`with_known`."""
-    variance = powers.spread**2
-    known = np.isfinite(value) & np.isfinite(std) & (variance > 0.0)
-    with np.errstate(over="ignore"):  # of a deviation so large that nothing is known
-        weight = np.where(known, variance / np.where(known, variance + std**2, 1.0), 0.0)
-    middle = (powers.mean + weight * np.where(known, value - powers.mean, 0.0))[None]
-    return KnownPowers(
-        powers=powers,
-        shift=np.where(known[powers.parameter], powers.change(middle, 1.0 - weight)[0], 0.0),
-        weight=weight,
-        derivative=powers.derivative(middle)[0],
-    )
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class ParameterTables(MapRecord, where="parameter tables"):
+    """Tables of n rows by J powers of n_p parameters: strains, then all loads."""
+
+    # fmt: off
+    powers: Powers = entry(unit="", meaning="of the parameters", record=Powers)
+    slope: FloatArray = entry("n_M+2 n_a+2 J n n_m 2", "1/Pa, m2, m3",
+        "spline coefficients per p_inf, on the knots of the tables of strain")
+    unit_error: FloatArray = entry("J n k_unit", "1/Pa, m2, m3",
+        "errors per p_inf and unit of a power, over the states of the snapshots")
+    spread_error: FloatArray = entry("n_p n k_spread", "1/Pa, m2, m3",
+        "errors per p_inf of a parameter that is not known")
+    error: FloatArray = entry("n k_rest", "1/Pa, m2, m3", "the other errors of the map, per p_inf")
+    # fmt: on
 
 
-@described
-@dataclass(frozen=True, eq=False, kw_only=True)
-class FlightField:
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class FlightField(MapRecord, where="pressure_field"):
     """Pressure at n_x stations times n_roll roll angles; node = station number * n_roll + roll number."""
 
     # fmt: off
@@ -147,18 +129,14 @@ class FlightField:
         "the same of interpolation and of higher harmonics, at phi - phi_T")
     # fmt: on
 
-    def __post_init__(self) -> None:
-        check(self, "pressure_field")
-
     @property
     def n_nodes(self) -> int:
         """Number of nodes n_p."""
         return len(self.station) * len(self.roll_angle)
 
 
-@described
-@dataclass(frozen=True, eq=False, kw_only=True)
-class FieldParameters:
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class FieldParameters(MapRecord, where="shape_field: parameters"):
     """What J powers of n_p flow parameters change of the amplitudes of n_v modes."""
 
     # fmt: off
@@ -170,13 +148,9 @@ class FieldParameters:
     strain: FloatArray = entry("n_d n_v", "1/Pa", "strain of each mode, per p_inf")
     # fmt: on
 
-    def __post_init__(self) -> None:
-        check(self, "shape_field: parameters")
 
-
-@described
-@dataclass(frozen=True, eq=False, kw_only=True)
-class ShapeField:
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class ShapeField(MapRecord, where="shape_field"):
     """Pressure at the n_p nodes of the map."""
 
     # fmt: off
@@ -190,47 +164,10 @@ class ShapeField:
         default=None, record=FieldParameters)
     # fmt: on
 
-    def __post_init__(self) -> None:
-        check(self, "shape_field")
-
     @property
     def n_nodes(self) -> int:
         """Number of nodes n_p."""
         return len(self.modes)
-
-    def tables(self, of_strain: FlightTables) -> FlightTables:
-        """Return the amplitudes as tables on the knots of ``of_strain``."""
-        return FlightTables(
-            mach_knots=of_strain.mach_knots,
-            incidence_knots=of_strain.incidence_knots,
-            response=self.amplitude,
-            fixed_response=np.zeros(self.modes.shape[1]),
-        )
-
-
-def field_with_known(shape_field: ShapeField, powers: Powers, value: FloatArray, std: FloatArray) -> ShapeField:
-    """Return ``shape_field`` where parameters of the flow are known; ``value`` and ``std`` as of
-    :func:`with_known`.
-
-    Its errors are less by the errors of their spread, and hold what is left.
-    """
-    changes = shape_field.parameters
-    if changes is None or not np.any(np.isfinite(value) & np.isfinite(std)):
-        return shape_field
-    known = known_powers(powers, value, std)
-    spread = np.hstack([*changes.spread_error])
-    remaining = np.hstack(known.errors(changes.unit_error, changes.spread_error))
-    modes = shape_field.modes.astype(float)
-    change = modes @ (remaining @ remaining.T - spread @ spread.T)
-    variance = shape_field.error_std**2 + np.einsum("pq,pq->p", change, modes)
-    return replace(
-        shape_field,
-        amplitude=shape_field.amplitude + np.tensordot(changes.slope, known.shift, axes=(2, 0)),
-        strain_covariance=(shape_field.strain_covariance + change @ changes.strain.T).astype(np.float32),
-        # Where the spread is nearly all of it, rounding leaves less.
-        error_std=np.sqrt(np.maximum(variance, 0.0)),
-        parameters=None,
-    )
 
 
 OUTSIDE_SCORE, OUTSIDE_SCORE_OF_SHAPES = 3.0, 2.0
@@ -242,16 +179,8 @@ errors are as large as stated.
 """
 
 
-class StatePrior(NamedTuple):
-    """Mean and standard deviation (4,) of the flight state where nothing is known."""
-
-    mean: FloatArray
-    std: FloatArray
-
-
-@described
-@dataclass(frozen=True, eq=False, kw_only=True)
-class ManifoldMap:
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class ManifoldMap(MapRecord, where="manifold"):
     """Tables of the nonlinear estimator and their errors, for n_d gauges and the n_f loads of the map.
 
     Errors are per p_inf where they scale with the pressure level. Those in proportion to strain follow
@@ -321,11 +250,14 @@ class ManifoldMap:
         default=None, record=ParameterTables)
     # fmt: on
 
-    def __post_init__(self) -> None:
-        n_d, n_f = len(self.error_strain), len(self.error_load)
-        check(self, "manifold", n_d=n_d, n_f=n_f, n=n_d + n_f)
+    def sizes(self) -> Sizes:
+        """Return the numbers of gauges and loads; tables have a row for each."""
+        return {"n_d": self.n_gauges, "n_f": self.n_loads, "n": self.n_gauges + self.n_loads}
+
+    def contradictions(self) -> Iterator[str]:
+        """Yield what is wrong with tables of flow parameters."""
         if self.parameters is None and self.shape_field is not None and self.shape_field.parameters is not None:
-            raise InputError("shape_field: parameters: expected the parameters of the tables of strain")
+            yield "shape_field: parameters: expected the parameters of the tables of strain"
 
     @property
     def surface_field(self) -> FlightField | ShapeField | None:
@@ -389,12 +321,9 @@ class ManifoldMap:
     @cached_property
     def considered_tables(self) -> FlightTables | None:
         """Strain and all loads of the considered error over the flight state; None for none."""
-        if self.considered_response is None:
-            return None
-        tables = self.tables_of(self.n_loads)
-        return replace(
-            tables, response=self.considered_response, fixed_response=np.zeros_like(tables.fixed_response)
-        )
+        response, fixed = self.considered_response, np.zeros_like(self.fixed_response)
+        whole = self.tables_of(self.n_loads)
+        return None if response is None else replace(whole, response=response, fixed_response=fixed)
 
     @cached_property
     def crossflow(self) -> tuple[FloatArray, FloatArray]:
@@ -405,8 +334,8 @@ class ManifoldMap:
         return 0.5 * (low + high), 0.5 * (high - low)
 
     @cached_property
-    def state_prior(self) -> StatePrior:
-        """The flight state where nothing is known: the middle of each range, and half of it.
+    def state_prior(self) -> tuple[FloatArray, FloatArray]:
+        """Mean and standard deviation (4,) of a state of which nothing is known: middle and half of each range.
 
         The standard deviation of u and w of a body of revolution is the largest incidence.
         """
@@ -415,7 +344,7 @@ class ManifoldMap:
         mean[MACH], std[MACH] = self.mach_range.mean(), max(0.5 * np.ptp(self.mach_range), 0.1)
         mean[U : W + 1], std[U : W + 1] = self.crossflow
         mean[LOG_PRESSURE], std[LOG_PRESSURE] = 0.5 * (low + high), 0.5 * (high - low)
-        return StatePrior(mean, std)
+        return mean, std
 
     @cached_property
     def references(self) -> FloatArray:
@@ -428,33 +357,38 @@ class ManifoldMap:
         """(n_d, n_d) of the errors that scale and the gain may correct, per p_inf^2 [1/Pa^2]."""
         return np.asarray(self.error_strain @ self.error_strain.T)
 
-    @cached_property
-    def load_strain_covariance(self) -> FloatArray:
-        """(n_f, n_d) of their loads with their strain, per p_inf^2."""
-        return np.asarray(self.error_load @ self.error_strain.T)
-
-    @cached_property
-    def load_covariance(self) -> FloatArray:
-        """(n_f, n_f) of their loads, per p_inf^2."""
-        return np.asarray(self.error_load @ self.error_load.T)
-
 
 def with_known(manifold: ManifoldMap, value: FloatArray, std: FloatArray) -> ManifoldMap:
-    """Return the tables and errors of ``manifold`` where parameters are known; the pressure on the surface stays
-    as it is, see :func:`field_with_known`.
+    """Return ``manifold`` where parameters are known: tables, errors, and the pressure on nodes of any shape.
+
+    The errors of the pressure are less by the errors of the parameters' spread, and hold what is left.
 
     Parameters
     ----------
     value, std : (n_p,) of each parameter and its standard deviation, NaN of what is not known; ``manifold`` itself
         where nothing is.
     """
-    tables = manifold.parameters
+    tables, surface = manifold.parameters, manifold.shape_field
     if not np.any(np.isfinite(value) & np.isfinite(std)):
         return manifold
     assert tables is not None
-    known, n_d = known_powers(tables.powers, value, std), manifold.n_gauges
+    known, n_d = tables.powers.known(value, std), manifold.n_gauges
     errors = np.hstack([tables.error, *known.errors(tables.unit_error, tables.spread_error)])
-    change = np.tensordot(tables.slope, known.shift, axes=(2, 0))
+    response = manifold.response + np.tensordot(tables.slope, known.shift, axes=(2, 0))
+    if surface is not None and surface.parameters is not None:
+        changes, modes = surface.parameters, surface.modes.astype(float)
+        spread = np.hstack([*changes.spread_error])
+        remaining = np.hstack(known.errors(changes.unit_error, changes.spread_error))
+        change = modes @ (remaining @ remaining.T - spread @ spread.T)
+        variance = surface.error_std**2 + np.einsum("pq,pq->p", change, modes)
+        surface = replace(
+            surface,
+            amplitude=surface.amplitude + np.tensordot(changes.slope, known.shift, axes=(2, 0)),
+            strain_covariance=(surface.strain_covariance + change @ changes.strain.T).astype(np.float32),
+            # Where the spread is nearly all of it, rounding leaves less.
+            error_std=np.sqrt(np.maximum(variance, 0.0)),
+            parameters=None,
+        )
     return replace(
-        manifold, response=manifold.response + change, error_strain=errors[:n_d], error_load=errors[n_d:]
+        manifold, response=response, error_strain=errors[:n_d], error_load=errors[n_d:], shape_field=surface
     )

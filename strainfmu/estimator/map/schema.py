@@ -11,23 +11,26 @@ names 5, the strain gauges of n_d rows where it names n_strains, and the rows af
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
-from dataclasses import KW_ONLY, MISSING, dataclass, field, fields, is_dataclass
-from typing import Any, TypeVar
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import KW_ONLY, MISSING, Field, dataclass, field, fields, is_dataclass
+from typing import Any, ClassVar
 
 import numpy as np
 
-from strainfmu.arrays import is_covariance
+from strainfmu.arrays import FloatArray, is_covariance
 from strainfmu.errors import InputError
 from strainfmu.records import OPTIONAL, brief
 
-Record = TypeVar("Record")
 Sizes = dict[str, int]
 """Lengths by symbol."""
 
 ANY, POSITIVE, COVARIANCE, FROM_0 = "ANY", "POSITIVE", "COVARIANCE", "FROM_0"
 INCREASING, RANGE, BOUNDS = "INCREASING", "RANGE", "BOUNDS"
-"""What the values of an array must be, besides finite; bounds of -inf and inf are none."""
+UNIQUE, UNIT_VECTORS = "UNIQUE", "UNIT_VECTORS"
+"""What the values of an array must be, besides finite."""
+
+NO_BOUNDS = (-np.inf, np.inf)
+"""Bounds of a quantity without limits."""
 
 _RULES: dict[str, tuple[Callable[[Any], Any], str]] = {
     POSITIVE: (lambda value: np.all((value > 0.0) & (value < np.inf)), "positive"),
@@ -35,6 +38,11 @@ _RULES: dict[str, tuple[Callable[[Any], Any], str]] = {
     INCREASING: (lambda value: np.all(np.diff(value) > 0.0), "increasing"),
     RANGE: (lambda value: 0.0 < value[0] <= value[1], "a range above 0"),
     COVARIANCE: (is_covariance, "symmetric and positive definite"),
+    UNIQUE: (
+        lambda names: names and all(names) and len({*names}) == len(names),
+        "at least one name and none twice",
+    ),
+    UNIT_VECTORS: (lambda value: np.all(np.abs(np.linalg.norm(value, axis=1) - 1.0) <= 1e-9), "unit vectors"),
 }
 """What each rule asks, and its words."""
 
@@ -43,14 +51,14 @@ SHARED = ("n_d", "n_f", "n_aux", "n_M", "n_a", "n", "n_v", "J")
 
 
 @dataclass(frozen=True)
-class Stored:
-    """An array of ``map.bin``.
+class Entry:
+    """A field of a record of a map, an array of ``map.bin``, or both.
 
     Attributes
     ----------
-    place : PART.NAME.
+    place : PART.NAME in ``map.bin``; "" for none.
     meaning : of the values.
-    value : the values, or a function that gives them of the source of all values.
+    value : of an array that is no field: the values, or a function that gives them of the source of all values.
     shape : in symbols; of a text its last length is the number of bytes.
     unit : of the values.
     rule : one of the rules above.
@@ -58,6 +66,11 @@ class Stored:
         by the shape a number or an array if empty.
     low, high : smallest and largest number; of a whole number also a symbol.
     member : name in C, if another one.
+    stored : shape in ``map.bin``, if another one.
+    neutral : number, or function of the map, that stands where a map does not have the data; a file leaves it out.
+    group : name of the entries of which a map has all or none.
+    dtype : of an array.
+    allowed : what a number or texts must be one of.
     """
 
     place: str
@@ -71,6 +84,11 @@ class Stored:
     low: float | None = None
     high: float | str | None = None
     member: str = ""
+    stored: str = ""
+    neutral: Any = None
+    group: str = ""
+    dtype: Any = float
+    allowed: tuple[Any, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "kind", self.kind or ("array" if self.shape else "number"))
@@ -84,24 +102,6 @@ class Stored:
     def name(self) -> str:
         """The name in its part."""
         return self.place.partition(".")[2]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Entry(Stored):
-    """A field of a record of a map, and its array in ``map.bin`` where it has a place there.
-
-    Attributes
-    ----------
-    neutral : number, or function of the map, that stands where a map does not have the data; a file leaves it out.
-    dtype : of an array.
-    allowed : what a number or texts must be one of.
-    stored : shape in ``map.bin``, if another one.
-    """
-
-    neutral: Any = field(default_factory=lambda: MISSING)  # by default there is none
-    dtype: Any = float
-    allowed: tuple[Any, ...] = ()
-    stored: str = ""
 
     @property
     def axes(self) -> list[str]:
@@ -125,17 +125,51 @@ def entry(
     """
     stated = Entry(place, meaning, shape=shape, unit=unit, **about)
     metadata = {"entry": stated, "unit": unit} | ({"record": record, "units": {}} if record else {})
-    if stated.neutral is not MISSING:
+    if stated.neutral is not None:
         metadata |= OPTIONAL
-        default = np.zeros(0, dtype=stated.dtype) if default is MISSING else default
-    if default is MISSING or isinstance(default, int | float | str | None):
-        return field(default=default, metadata=metadata)
-    return field(default_factory=lambda: default, metadata=metadata)
+        default = None if default is MISSING else default
+    if isinstance(default, np.ndarray):
+        return field(default_factory=lambda: default, metadata=metadata)
+    return field(default=default, metadata=metadata)
+
+
+class MapRecord:
+    """A record of a map, a dataclass of entries: filled in and checked as it is made, shown in few lines.
+
+    A class adds its entries to its description. ``where`` is what messages call it.
+    """
+
+    where: ClassVar[str]
+
+    def __init_subclass__(cls, where: str) -> None:
+        stated = {name: item.metadata["entry"] for name, item in vars(cls).items() if _is_entry(item)}
+        lines = [f"{name} : {_in_words(item)}" for name, item in stated.items() if item.meaning]
+        cls.where = where
+        cls.__doc__ = f"{cls.__doc__}\n\n    Attributes\n    ----------\n    " + "\n    ".join(lines) + "\n"
+
+    def __post_init__(self) -> None:
+        check(self)
+        for wrong in self.contradictions():
+            raise InputError(f"{self.where}: {wrong}")
+
+    __repr__ = brief
+
+    def sizes(self) -> Sizes:
+        """Return lengths that are not those of the first array with the symbol."""
+        return {}
+
+    def contradictions(self) -> Iterator[str]:
+        """Yield what is wrong between entries, each of which is right by itself, and what is allowed."""
+        yield from ()
+
+
+def _is_entry(item: Any) -> bool:
+    return isinstance(item, Field) and "entry" in item.metadata
 
 
 def entries(record: Any) -> dict[str, Entry]:
     """Return the entries of a record, or of its type, by field."""
-    return {item.name: item.metadata["entry"] for item in fields(record) if "entry" in item.metadata}
+    return {item.name: item.metadata["entry"] for item in fields(record) if _is_entry(item)}
 
 
 def records_of(record: Any, group: str = "") -> dict[str, type[Any]]:
@@ -149,15 +183,6 @@ def records_of(record: Any, group: str = "") -> dict[str, type[Any]]:
     return inside
 
 
-def described(record: type[Record]) -> type[Record]:
-    """Add the attributes to the description of a type of records, and a text of few lines."""
-    lines = [f"{name} : {_in_words(stated)}" for name, stated in entries(record).items() if stated.meaning]
-    record.__doc__ = f"{record.__doc__}\n\n    Attributes\n    ----------\n    " + "\n    ".join(lines) + "\n"
-    # A decorator gives every record this text; mypy knows no assignment of methods.
-    record.__repr__ = brief  # type: ignore[method-assign]
-    return record
-
-
 def _in_words(stated: Entry) -> str:
     shape = f"({', '.join(stated.axes)}{',' if len(stated.axes) == 1 else ''}) " if stated.axes else ""
     return f"{shape}{stated.meaning}" + (f" [{stated.unit}]" if stated.unit else "")
@@ -169,7 +194,7 @@ def _length(axis: str, sizes: Mapping[str, int]) -> int | None:
     return None if None in terms else sum(terms)  # type: ignore[arg-type]
 
 
-def check(record: Any, where: str, **sizes: int) -> None:
+def check(record: MapRecord) -> None:
     """Fill in neutral values, and check shapes, also of records inside, and values against the schema.
 
     A symbol that is not known gets the length of the first array that has it.
@@ -179,25 +204,33 @@ def check(record: Any, where: str, **sizes: int) -> None:
     InputError
         An array has another shape than the symbols have, or values that are not allowed.
     """
+    stated_entries, sizes = entries(record), record.sizes()
+    for group in {item.group for item in stated_entries.values()} - {""}:
+        names = [name for name, item in stated_entries.items() if item.group == group]
+        given = [name for name in names if np.shape(getattr(record, name)) not in ((), (0,))]
+        if given and len(given) < len(names):
+            raise InputError(
+                f"{record.where}: {', '.join(given)} of {', '.join(names)} found, must be all or none"
+            )
     _fill(record, sizes, are_arrays=True)
-    _check_shapes(record, where, sizes)
-    for name, stated in entries(record).items():
+    _check_shapes(record, record.where, sizes)
+    for name, stated in stated_entries.items():
         value = getattr(record, name)
         if value is not None and not is_dataclass(value):
-            _check_values(f"{where}: {name}", stated, value)
+            _check_values(f"{record.where}: {name}", stated, value)
     _fill(record, sizes, are_arrays=False)
 
 
-def _fill(record: Any, sizes: Sizes, are_arrays: bool) -> None:
-    for name in neutral_names(record):
-        if bool(entries(record)[name].shape) == are_arrays and has_no_values(getattr(record, name)):
+def _fill(record: MapRecord, sizes: Sizes, are_arrays: bool) -> None:
+    for name, stated in _optional(record).items():
+        if bool(stated.shape) == are_arrays and has_no_values(getattr(record, name)):
             object.__setattr__(record, name, neutral_value(record, name, sizes))
 
 
-def _check_shapes(record: Any, where: str, sizes: Sizes) -> None:
+def _check_shapes(record: MapRecord, where: str, sizes: Sizes) -> None:
     for name, stated in entries(record).items():
         value = getattr(record, name)
-        if is_dataclass(value) and not (has_no_values(value) and stated.neutral is not MISSING):
+        if isinstance(value, MapRecord) and not (has_no_values(value) and stated.neutral is not None):
             inner = {symbol: sizes[symbol] for symbol in SHARED if symbol in sizes}
             _check_shapes(value, f"{where}: {name}", inner)
             sizes |= {symbol: inner[symbol] for symbol in SHARED if symbol in inner}
@@ -219,10 +252,8 @@ def _check_values(where: str, stated: Entry, value: Any) -> None:
         wrong = [item for item in (value if isinstance(value, tuple) else (value,)) if item not in stated.allowed]
         if wrong:
             raise InputError(f"{where} is {wrong[0]!r}, must be one of {', '.join(map(str, stated.allowed))}")
-    if isinstance(value, str | tuple):
-        return
-    has_no_bounds = stated.rule == BOUNDS and np.asarray(value).tolist() == [-np.inf, np.inf]
-    if stated.shape and not (has_no_bounds or np.all(np.isfinite(value))):
+    is_text, has_no_bounds = isinstance(value, str | tuple), stated.rule == BOUNDS and tuple(value) == NO_BOUNDS
+    if stated.shape and not (is_text or has_no_bounds or np.all(np.isfinite(value))):
         raise InputError(f"{where} holds values that are not finite")
     is_allowed, words = _RULES.get(stated.rule, (lambda value: True, ""))
     if not is_allowed(value):
@@ -233,43 +264,27 @@ def _check_values(where: str, stated: Entry, value: Any) -> None:
         raise InputError(f"{where} is {value:g}, must be {words}")
 
 
-def neutral_value(record: Any, name: str, sizes: Mapping[str, int]) -> Any:
+def _optional(record: MapRecord) -> dict[str, Entry]:
+    return {name: stated for name, stated in entries(record).items() if stated.neutral is not None}
+
+
+def neutral_value(record: MapRecord, name: str, sizes: Mapping[str, int]) -> Any:
     """Return the value of the field ``name`` that stands for data that ``record`` does not have."""
     stated = entries(record)[name]
-    if callable(stated.neutral):
-        return stated.neutral(record)
     if not stated.shape:
-        return stated.neutral
-    if stated.rule == BOUNDS:
-        return np.array([-np.inf, np.inf])
+        return stated.neutral(record) if callable(stated.neutral) else stated.neutral
     return np.full([_length(axis, sizes) or 0 for axis in stated.axes], stated.neutral, dtype=stated.dtype)
 
 
-def empty(kind: type[Record], **values: Any) -> Record:
-    """Return a record of ``kind`` that has ``values`` alone: other arrays without elements, numbers of 0."""
-    stated, sizes = entries(kind), Sizes()
-    for name, value in values.items():
-        sizes |= dict(zip(stated[name].axes, np.shape(value), strict=True))
-    for name, item in stated.items():
-        if name not in values:
-            shape = [sizes.get(axis, 0) for axis in item.axes]
-            values[name] = () if item.dtype is str else np.zeros(shape) if shape else 0.0
-    return kind(**values)
-
-
-def neutral_names(record: Any) -> list[str]:
-    """Return the names of the fields of a record that may be left out."""
-    return [name for name, stated in entries(record).items() if stated.neutral is not MISSING]
-
-
-def neutral_fields(record: Any, **sizes: int) -> list[str]:
+def left_out(record: MapRecord) -> list[str]:
     """Return the names of the fields of ``record`` that hold neutral values, which a file leaves out."""
-    names = []
-    for name in neutral_names(record):
+    stated, sizes, neutral = _optional(record), record.sizes(), list[str]()
+    for name in stated:
         value = getattr(record, name)
         if has_no_values(value) or equal(value, neutral_value(record, name, sizes)):
-            names.append(name)
-    return names
+            neutral.append(name)
+    present = {item.group for name, item in stated.items() if name not in neutral} - {""}
+    return [name for name in neutral if stated[name].group not in present]
 
 
 def has_no_values(value: Any) -> bool:
@@ -284,19 +299,12 @@ def equal(first: Any, second: Any) -> bool:
     return bool(np.array_equal(first, second))
 
 
-def stored_value(value: Any, shape: str, stored: str, n_strains: int) -> Any:
-    """Return ``value`` of ``shape`` as ``map.bin`` has it, of the shape ``stored``."""
-    axes, after = shape.split(), stored.split()
-    if len(axes) != len(after) or not axes:
-        return value
-    base = {"5": "n_f", "n_strains": "n_d", "n_others": "n_d"}
-    before, wanted = ([base.get(axis, axis) for axis in names] for names in (axes, after))
-    if wanted != before and wanted == before[::-1]:
-        value, axes = np.transpose(value), axes[::-1]
-    parts = {"5": slice(5), "n_strains": slice(n_strains), "n_others": slice(n_strains, None)}
-    return np.asarray(value)[
-        tuple(
-            parts.get(new, slice(None)) if new != old else slice(None)
-            for old, new in zip(axes, after, strict=True)
-        )
-    ]
+def stored_value(value: Any, stated: Entry, n_strains: int) -> FloatArray:
+    """Return ``value`` of the field ``stated`` as ``map.bin`` has it."""
+    array, axes = np.asarray(value, dtype=float), stated.axes
+    rows = {"5": slice(5), "n_strains": slice(n_strains), "n_others": slice(n_strains, None)}
+    of_rows = {"5": "n_f", "n_strains": "n_d", "n_others": "n_d"}
+    stored = stated.stored.split()
+    if len(stored) == 2 and of_rows.get(stored[0], stored[0]) != axes[0]:
+        array = array.T
+    return np.asarray(array[tuple(rows.get(axis, slice(None)) for axis in stored)])

@@ -5,15 +5,9 @@ that its own noise equals the noise of a typical gauge: rows of Pa, m/s2 and m/m
 digits of every covariance.
 
 **Temperature** of the wall causes strain of the gauges, which is subtracted as far as sensors measure it.
-The rise above the reference is a sum of modes with amplitudes a, a priori independent with standard deviations s.
-Sensors read theta = C a + e. Given those that are known,
-
-    P = (diag(1/s^2) + C' R^-1 C)^-1,   a = P C' R^-1 theta,
-
-gauges are B a warmer and read (1 + g B a) (strain / (1 + m B a) + Phi a + p(B a)) + zero: gauge-factor slope g,
-modulus slope m, thermal strain Phi of the modes less the gauges' compensation, and the data sheet's polynomial p.
-All but the strain is taken off; Phi P Phi' is left in the covariance. Without sensors P = diag(s^2), a = 0: the
-modes are nuisances, which the gauges' covariance of the map holds already.
+The rise above the reference is a sum of modes with amplitudes a, a priori independent with standard deviations s
+(:mod:`strainfmu.estimator.reference.readings` has what gauges and sensors read of them). Without sensors the modes
+are nuisances, which the gauges' covariance of the map holds already.
 
 **Inertia.** Material at r from the unit moves against a specific force f + dw/dt x r + w x (w x r), with the
 specific force f of the unit (acceleration without gravity) and the angular rates w. Its inertia causes the strain
@@ -28,7 +22,7 @@ then 0 for the masses of the model, and nothing counts twice.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -37,7 +31,7 @@ from numpy.typing import ArrayLike
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.air_inputs import MEASURED_MOTION, NOT_KNOWN
-from strainfmu.estimator.map.schema import COVARIANCE, POSITIVE, check, described, empty, entry
+from strainfmu.estimator.map.schema import COVARIANCE, POSITIVE, UNIQUE, UNIT_VECTORS, MapRecord, Sizes, entry
 from strainfmu.estimator.signal_names import FORCE, MOMENT
 from strainfmu.estimator.signal_names import STRAIN as STRAIN
 
@@ -53,9 +47,8 @@ KINDS = (
 )
 
 
-@described
-@dataclass(frozen=True, kw_only=True, eq=False)
-class SensorRows:
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class SensorRows(MapRecord, where="sensors"):
     """What the n_d rows of a map measure."""
 
     # fmt: off
@@ -70,15 +63,10 @@ class SensorRows:
         place="sensors.thrust_response", stored="n_others")
     # fmt: on
 
-    def __post_init__(self) -> None:
-        check(self, "sensors")
+    def contradictions(self) -> Iterator[str]:
+        """Yield what is wrong with the order of the rows."""
         if self.kind and not (STRAIN in self.kind and np.all(self.is_strain[: self.n_strain_gauges])):
-            raise InputError("sensors: expected strain gauges, then the other sensors, got another order")
-
-    @property
-    def is_empty(self) -> bool:
-        """Whether there are no rows."""
-        return not self.kind
+            yield "expected strain gauges, then the other sensors, got another order"
 
     @property
     def is_strain(self) -> BoolArray:
@@ -106,7 +94,7 @@ class SensorRows:
 
 
 def strain_rows(n: int) -> SensorRows:
-    """Return the rows of a map of ``n`` strain gauges alone; of a map yet to come for 0."""
+    """Return the rows of a map of ``n`` strain gauges alone."""
     same = np.ones(n)
     return SensorRows(kind=(STRAIN,) * n, unit=("m/m",) * n, scale=same, largest=same, thrust_response=np.zeros(n))
 
@@ -127,35 +115,25 @@ def refuse_sensors(rows: SensorRows, what: str) -> None:
         raise InputError(f"{what}: expected a map of strain gauges alone, got one with {', '.join(kinds)} sensors")
 
 
-@described
-@dataclass(frozen=True, kw_only=True, eq=False)
-class HingeLines:
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class HingeLines(MapRecord, where="hinge_lines"):
     """Hinge lines, each of a region of the surface."""
 
     # fmt: off
-    name: tuple[str, ...] = entry("n_h", "", "unique names")
+    name: tuple[str, ...] = entry("n_h", "", "unique names", rule=UNIQUE)
     region: tuple[str, ...] = entry("n_h", "", "names of the regions by the vehicle file")
     point: FloatArray = entry("n_h 3", "m", "a point of each line in body axes")
     direction: FloatArray = entry("n_h 3", "1",
-        "its direction, a unit vector in body axes; moments are right-handed about it")
+        "its direction, a unit vector in body axes; moments are right-handed about it", rule=UNIT_VECTORS)
     # fmt: on
-
-    def __post_init__(self) -> None:
-        n = len(self.name)
-        if not n or not all(self.name) or len(set(self.name)) != n:
-            raise InputError("hinge_lines: expected names, none empty or twice")
-        check(self, "hinge_lines")
-        if not np.allclose(np.linalg.norm(self.direction, axis=1), 1.0, rtol=0.0, atol=1e-9):
-            raise InputError("hinge_lines: direction must hold unit vectors")
 
 
 LARGEST_RISE = 2000.0
 """|rise| above the reference [K] beyond which a sensor is taken to be broken."""
 
 
-@described
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ThermalMap:
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class ThermalMap(MapRecord, where="thermal"):
     """Temperature modes of a map for n_d gauges, k modes and n_t sensors."""
 
     # fmt: off
@@ -179,9 +157,6 @@ class ThermalMap:
     isothermal_covariance: FloatArray = entry("n_d n_d", "(m/m)^2", "the map's gauge_covariance without the modes",
         place="thermal.isothermal_covariance", rule=COVARIANCE)
     # fmt: on
-
-    def __post_init__(self) -> None:
-        check(self, "thermal", k=len(self.prior_std))
 
     @property
     def is_empty(self) -> bool:
@@ -207,7 +182,20 @@ class ThermalMap:
 
 def no_temperature(gauge_covariance: FloatArray) -> ThermalMap:
     """Return no modes and no sensors, for gauges whose errors have ``gauge_covariance`` (n_d, n_d) [(m/m)^2]."""
-    return empty(ThermalMap, isothermal_covariance=gauge_covariance)
+    none, of_gauges = np.zeros(0), np.zeros((len(gauge_covariance), 0))
+    return ThermalMap(
+        reference_temperature=0.0,
+        prior_std=none,
+        mode_strain=of_gauges,
+        gauge_operator=of_gauges,
+        sensor_names=(),
+        sensor_operator=np.zeros((0, 0)),
+        sensor_std=none,
+        apparent_strain=none,
+        gauge_factor_slope=0.0,
+        modulus_slope=0.0,
+        isothermal_covariance=gauge_covariance,
+    )
 
 
 CHANNELS = ("f_x", "f_y", "f_z", "dw_y/dt", "dw_z/dt", "P_xx", "P_yy", "P_zz", "P_xy", "P_xz", "P_yz")
@@ -223,9 +211,8 @@ LARGEST_CHANNEL = 1e6
 """Size of a channel beyond which the unit is taken to be broken."""
 
 
-@described
-@dataclass(frozen=True, kw_only=True, eq=False)
-class InertiaMap:
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class InertiaMap(MapRecord, where="inertia"):
     """Inertia modes of a map for n_d gauges, one for each of the k :data:`CHANNELS`, and modes of vibration."""
 
     # fmt: off
@@ -246,8 +233,9 @@ class InertiaMap:
         default=None, place="vehicle.mass", rule=POSITIVE, member="vehicle_mass")
     # fmt: on
 
-    def __post_init__(self) -> None:
-        check(self, "inertia", k=len(CHANNELS))
+    def sizes(self) -> Sizes:
+        """Return the number of the channels."""
+        return {"k": len(CHANNELS)}
 
 
 def channels_of(values: Mapping[str, FloatArray]) -> FloatArray:
@@ -261,14 +249,8 @@ def channels_of(values: Mapping[str, FloatArray]) -> FloatArray:
     return np.stack([*force, *turn, *products], axis=1)
 
 
-def with_inertia(thermal: ThermalMap, inertia: InertiaMap | None) -> ThermalMap:
-    """Return ``thermal`` with the modes of ``inertia`` behind its own, and the channels behind its sensors.
-
-    Its sensors read channels above the reference temperature. The gauges are no warmer by the modes. Modes of
-    vibration are the last; nothing measures them.
-    """
-    if inertia is None:
-        return thermal
+def with_inertia(thermal: ThermalMap, inertia: InertiaMap) -> ThermalMap:
+    """Return ``thermal`` with the modes of ``inertia``, as :attr:`InverseMap.thermal_and_inertia` has them."""
     k, n_t, n, v = len(CHANNELS), thermal.n_sensors, thermal.n_modes, inertia.vibration_strain.shape[1]
     operator = np.zeros((n_t + k, n + k + v))
     operator[:n_t, :n], operator[n_t:, n : n + k] = thermal.sensor_operator, np.eye(k)

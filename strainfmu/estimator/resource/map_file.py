@@ -19,9 +19,9 @@ import re
 import struct
 import sys
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import cached_property, partial
+from functools import cached_property
 from math import log
 from typing import Any, NamedTuple
 
@@ -30,41 +30,18 @@ import numpy as np
 from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, layer_table
 from strainfmu.errors import InputError
-from strainfmu.estimator import policies, tare
+from strainfmu.estimator import health, policies, settings, tare
 from strainfmu.estimator.air_inputs import ALTITUDE, DYNAMIC_PRESSURE, MACH_NUMBER, NAVIGATION
 from strainfmu.estimator.gauge_zeros import LARGEST_ZERO
-from strainfmu.estimator.health import (
-    AMBIGUOUS_CORRELATION,
-    FALSE_ALARM_PROBABILITY,
-    chi_square_limit,
-    outlier_threshold,
-)
+from strainfmu.estimator.map import validity
 from strainfmu.estimator.map.flight_tables import MIN_INCIDENCE
-from strainfmu.estimator.map.inverse_map import InverseMap, has_filter, has_other_outputs
+from strainfmu.estimator.map.inverse_map import InverseMap, groups_of_outputs, has_filter
 from strainfmu.estimator.map.nonlinear_map import ManifoldMap, Powers
-from strainfmu.estimator.map.schema import BOUNDS, FROM_0, INCREASING, POSITIVE, Stored, entries, stored_value
+from strainfmu.estimator.map.schema import BOUNDS, FROM_0, INCREASING, POSITIVE, Entry, entries, stored_value
 from strainfmu.estimator.map.sensors import CHANNELS, LARGEST_RISE, InertiaMap, SensorRows, ThermalMap
-from strainfmu.estimator.map.validity import (
-    LARGEST_SCORE,
-    MACH_TOLERANCE,
-    MAX_DYNAMIC_PRESSURE,
-    MIN_DYNAMIC_PRESSURE,
-    PARAMETER_TOLERANCE,
-    PRESSURE_TOLERANCE,
-    flow_parameters,
-    incidence_per_force,
-)
 from strainfmu.estimator.numerics import arrow_triangle, householder, product
 from strainfmu.estimator.other_loads import FIVE_LOADS, OTHER_LOADS, load_arrays
 from strainfmu.estimator.resource.compact_tables import ChannelTables, channel_tables, error_products, factors
-from strainfmu.estimator.settings import (
-    LARGEST_SETTING,
-    OF_AREA,
-    OF_LENGTH,
-    OF_READINGS,
-    SMALLEST_SETTING,
-    default_settings,
-)
 from strainfmu.estimator.signal_names import NOT_KNOWN, TARE
 
 MAGIC = b"SFMUMAP\0"
@@ -113,12 +90,12 @@ def sealed(content: bytes) -> bytes:
     return header + checked
 
 
-def texts(lines: list[str], width: int) -> np.ndarray:
-    """Return (n, ``width``) bytes of ``lines``, each ended by zeros."""
+def texts(where: str, lines: Sequence[str], width: int) -> np.ndarray:
+    """Return (n, ``width``) bytes of ``lines``, each ended by zeros; ``where`` is what a refusal calls them."""
     rows = [line.encode() for line in lines]
     for row in rows:
         if len(row) >= width or b"\0" in row:
-            raise ValueError(f"'{row.decode()}' found, must be shorter than {width} bytes")
+            raise InputError(f"{where}: '{row.decode()}' found, must be shorter than {width} bytes")
     return np.frombuffer(b"".join(row.ljust(width, b"\0") for row in rows), np.uint8).reshape(len(rows), width)
 
 
@@ -143,7 +120,8 @@ class Source:
     def __init__(self, inverse_map: InverseMap, known: tare.KnownStrain) -> None:
         self.map, self.known = inverse_map, known
         self.tables: Any = inverse_map.manifold
-        self.settings, self.parameters = default_settings(inverse_map), flow_parameters(inverse_map)
+        self.settings = settings.default_settings(inverse_map)
+        self.parameters = validity.flow_parameters(inverse_map)
         self.load_arrays = load_arrays(inverse_map.load_groups)
         # In form "absolute" nothing follows q_inf.
         self.fixed_strain = inverse_map.fixed_strain * inverse_map.follows_pressure
@@ -218,29 +196,26 @@ def white_noise(inverse_map: InverseMap) -> FloatArray:
     return np.asarray(min(1.0, smallest) * std**2)
 
 
+def _outlier_threshold(n_gauges: int) -> float:
+    return health.outlier_threshold(n_gauges, health.FALSE_ALARM_PROBABILITY)
+
+
 def _bounds(value: FloatArray) -> FloatArray:
     return np.clip(value, -sys.float_info.max, sys.float_info.max)
 
 
-def _parameter_names(names: tuple[str, ...]) -> np.ndarray:
-    try:
-        return texts(list(names), PARAMETER_NAME_SIZE)
-    except ValueError as error:
-        raise InputError(f"parameters: {error}") from error
-
-
-def _tables(part: str, fixed_response: Callable[[Any], FloatArray]) -> tuple[Stored, ...]:
+def _tables(part: str, fixed_response: Callable[[Any], FloatArray]) -> tuple[Entry, ...]:
     """Return the arrays of tables without repetition (:mod:`.compact_tables`)."""
     # fmt: off
     return (
-        Stored(f"{part}.table", "coefficients of each channel, per p_inf", lambda s: s.channels[part].table,
+        Entry(f"{part}.table", "coefficients of each channel, per p_inf", lambda s: s.channels[part].table,
             "n_mach+2 n_incidence+2 n_channels n_harmonics", unit="1/Pa, m2, m3"),
-        Stored(f"{part}.row", "that a term adds to, ascending", lambda s: s.channels[part].row, "n_terms"),
-        Stored(f"{part}.channel", "of each term", lambda s: s.channels[part].channel, "n_terms"),
-        Stored(f"{part}.cosine", "factors of cos m phi_T in a term", lambda s: s.channels[part].cosine,
+        Entry(f"{part}.row", "that a term adds to, ascending", lambda s: s.channels[part].row, "n_terms"),
+        Entry(f"{part}.channel", "of each term", lambda s: s.channels[part].channel, "n_terms"),
+        Entry(f"{part}.cosine", "factors of cos m phi_T in a term", lambda s: s.channels[part].cosine,
             "n_terms n_harmonics"),
-        Stored(f"{part}.sine", "the same of sin m phi_T", lambda s: s.channels[part].sine, "n_terms n_harmonics"),
-        Stored(f"{part}.fixed_response", "part that does not follow p_inf", fixed_response, "n_rows",
+        Entry(f"{part}.sine", "the same of sin m phi_T", lambda s: s.channels[part].sine, "n_terms n_harmonics"),
+        Entry(f"{part}.fixed_response", "part that does not follow p_inf", fixed_response, "n_rows",
             unit="m/m, N, N.m"),
     )
     # fmt: on
@@ -248,7 +223,7 @@ def _tables(part: str, fixed_response: Callable[[Any], FloatArray]) -> tuple[Sto
 
 def _covariances(
     place: str, before: str, errors: str, columns: Callable[[Any], tuple[FloatArray, FloatArray]]
-) -> tuple[Stored, ...]:
+) -> tuple[Entry, ...]:
     """Return the covariances of ``errors``, whose strain (n_d, k) and loads (n_f, k) per p_inf ``columns`` gives.
 
     They are of strain, at ``place``, of the five loads and of the others, under names that begin with ``before``.
@@ -264,221 +239,209 @@ def _covariances(
 
     # fmt: off
     return (
-        Stored(place, f"of {errors}", pair("gauges", "gauges"), "n_gauges n_gauges", unit="1/Pa^2"),
-        Stored(f"flight.{before}load_strain_covariance", "the same of loads with strain", pair("five", "gauges"),
+        Entry(place, f"of {errors}", pair("gauges", "gauges"), "n_gauges n_gauges", unit="1/Pa^2"),
+        Entry(f"flight.{before}load_strain_covariance", "the same of loads with strain", pair("five", "gauges"),
             "5 n_gauges", unit=""),
-        Stored(f"flight.{before}load_covariance", "the same of loads", pair("five", "five"), "5 5", unit=""),
-        Stored(f"flight_loads.{before}strain_covariance", f"with strain, of {errors}", pair("others", "gauges"),
+        Entry(f"flight.{before}load_covariance", "the same of loads", pair("five", "five"), "5 5", unit=""),
+        Entry(f"flight_loads.{before}strain_covariance", f"with strain, of {errors}", pair("others", "gauges"),
             "n_loads n_gauges", unit=""),
-        Stored(f"flight_loads.{before}variance", "the same of each load",
+        Entry(f"flight_loads.{before}variance", "the same of each load",
             lambda s: np.sum(columns(s)[1][OTHER_LOADS] ** 2, axis=1), "n_loads", unit=""),
     )
     # fmt: on
 
 
 # fmt: off
-DERIVED: tuple[Stored, ...] = (
-    Stored("linear.degrees_of_freedom", "of the residual with all gauges",
+DERIVED: tuple[Entry, ...] = (
+    Entry("linear.degrees_of_freedom", "of the residual with all gauges",
         lambda s: s.map.residual_degrees_of_freedom, kind="whole", low=1, high="n_gauges"),
-    Stored("linear.known_prior", "1 in Case 2: any gauge identifies the state", lambda s: s.map.case == 2,
+    Entry("linear.known_prior", "1 in Case 2: any gauge identifies the state", lambda s: s.map.case == 2,
         kind="whole", low=0, high=1),
-    Stored("linear.chi_square_limit", "by degrees of freedom from 1 on",
-        lambda s: [chi_square_limit(freedom) for freedom in range(1, s.map.n_gauges + 1)], "n_gauges",
+    Entry("linear.chi_square_limit", "by degrees of freedom from 1 on",
+        lambda s: [health.chi_square_limit(freedom) for freedom in range(1, s.map.n_gauges + 1)], "n_gauges",
         rule=POSITIVE),
-    Stored("linear.outlier_threshold", "by the number of gauges from 1 on",
-        lambda s: [outlier_threshold(n, FALSE_ALARM_PROBABILITY) for n in range(1, s.map.n_gauges + 1)],
-        "n_gauges", rule=POSITIVE),
-    Stored("linear.min_information", "below which gauges do not identify the state", policies.MIN_INFORMATION),
-    Stored("linear.ambiguous_correlation", "above which gauges cannot be distinguished",
-        AMBIGUOUS_CORRELATION),
-    Stored("linear.min_dynamic_pressure", "below which there are no coefficients", MIN_DYNAMIC_PRESSURE,
+    Entry("linear.outlier_threshold", "by the number of gauges from 1 on",
+        lambda s: [_outlier_threshold(n) for n in range(1, s.map.n_gauges + 1)], "n_gauges", rule=POSITIVE),
+    Entry("linear.min_information", "below which gauges do not identify the state", policies.MIN_INFORMATION),
+    Entry("linear.ambiguous_correlation", "above which gauges cannot be distinguished",
+        health.AMBIGUOUS_CORRELATION),
+    Entry("linear.min_dynamic_pressure", "below which there are no coefficients", validity.MIN_DYNAMIC_PRESSURE,
         unit="Pa", rule=POSITIVE),
-    Stored("linear.max_dynamic_pressure", "above which there are none", MAX_DYNAMIC_PRESSURE,
-        unit="Pa"),
-    Stored("settings.smallest", "bounds of settings", SMALLEST_SETTING,
+    Entry("linear.max_dynamic_pressure", "above which there are none", validity.MAX_DYNAMIC_PRESSURE, unit="Pa"),
+    Entry("settings.smallest", "bounds of settings", settings.SMALLEST_SETTING,
         low=sys.float_info.min, high=1.0, member="smallest_setting"),
-    Stored("settings.largest", "the same", LARGEST_SETTING, low=1.0,
-        member="largest_setting"),
-    Stored(f"settings.{OF_AREA}", "what the map was built with", lambda s: s.settings.reference_area, unit="m2"),
-    Stored(f"settings.{OF_LENGTH}", "the same", lambda s: s.settings.reference_length, unit="m"),
-    Stored("settings.moment_station", "the same", lambda s: s.settings.moment_station, unit="m"),
-    Stored(f"settings.{OF_READINGS}", "start value", lambda s: s.settings.sensor_range),
-    Stored("settings.largest_zero", "of zero offsets and their standard deviations", LARGEST_ZERO,
-        low=0.0),
-    Stored("settings.not_known",
+    Entry("settings.largest", "the same", settings.LARGEST_SETTING, low=1.0, member="largest_setting"),
+    Entry("settings.reference_area", "what the map was built with", lambda s: s.settings.reference_area,
+        unit="m2"),
+    Entry("settings.reference_length", "the same", lambda s: s.settings.reference_length, unit="m"),
+    Entry("settings.moment_station", "the same", lambda s: s.settings.moment_station, unit="m"),
+    Entry("settings.sensor_range", "start value", lambda s: s.settings.sensor_range),
+    Entry("settings.largest_zero", "of zero offsets and their standard deviations", LARGEST_ZERO, low=0.0),
+    Entry("settings.not_known",
         "start value of flow parameters, and a value of thrust, that means what NaN does", NOT_KNOWN),
-    Stored(f"envelope.{DYNAMIC_PRESSURE}", "smallest and largest, may be infinite",
+    Entry(f"envelope.{DYNAMIC_PRESSURE}", "smallest and largest, may be infinite",
         lambda s: _bounds(s.map.dynamic_pressure_range), "2", unit="Pa", rule=BOUNDS, kind="values"),
-    Stored(f"envelope.{MACH_NUMBER}", "the same",
-        lambda s: _bounds(s.map.mach_number_range * np.array([1.0 - MACH_TOLERANCE, 1.0 + MACH_TOLERANCE])), "2",
+    Entry(f"envelope.{MACH_NUMBER}", "the same",
+        lambda s: _bounds(s.map.mach_number_range * (1.0 + validity.MACH_TOLERANCE * np.array([-1.0, 1.0]))), "2",
         rule=BOUNDS, kind="values"),
-    Stored(f"envelope.{ALTITUDE}", "the same", lambda s: _bounds(s.map.altitude_range), "2", unit="m", rule=BOUNDS,
+    Entry(f"envelope.{ALTITUDE}", "the same", lambda s: _bounds(s.map.altitude_range), "2", unit="m", rule=BOUNDS,
         kind="values"),
-    Stored("envelope.half_gamma", "q = half_gamma M^2 p(h)", 0.5 * HEAT_CAPACITY_RATIO),
-    Stored("envelope.pressure_tolerance", "relative difference of the two that is no contradiction",
-        PRESSURE_TOLERANCE),
-    Stored("envelope.layers", "of the atmosphere", layer_table(), "n_layers LAYER_SIZE", unit=""),
-    Stored("scaled.follows_pressure", "whether the form is dynamic_pressure", lambda s: s.map.follows_pressure,
+    Entry("envelope.half_gamma", "q = half_gamma M^2 p(h)", 0.5 * HEAT_CAPACITY_RATIO),
+    Entry("envelope.pressure_tolerance", "relative difference of the two that is no contradiction",
+        validity.PRESSURE_TOLERANCE),
+    Entry("envelope.layers", "of the atmosphere", layer_table(), "n_layers LAYER_SIZE", unit=""),
+    Entry("scaled.follows_pressure", "whether the form is dynamic_pressure", lambda s: s.map.follows_pressure,
         kind="whole", low=0, high=1),
-    Stored("scaled.fixed_strain", "d_0", lambda s: s.fixed_strain, "n_gauges", unit="m/m"),
-    Stored("scaled.mean_strain", "m - d_0, at the nominal dynamic pressure",
+    Entry("scaled.fixed_strain", "d_0", lambda s: s.fixed_strain, "n_gauges", unit="m/m"),
+    Entry("scaled.mean_strain", "m - d_0, at the nominal dynamic pressure",
         lambda s: s.map.mean_strain - s.fixed_strain, "n_gauges", unit="m/m"),
-    Stored("scaled.fixed_load", "f_0", lambda s: s.fixed_load[FIVE_LOADS], "5", unit="N, N.m"),
-    Stored("scaled.load_of_mean", "f_mean - f_0", lambda s: (s.map.load_of_mean - s.fixed_load)[FIVE_LOADS], "5",
+    Entry("scaled.fixed_load", "f_0", lambda s: s.fixed_load[FIVE_LOADS], "5", unit="N, N.m"),
+    Entry("scaled.load_of_mean", "f_mean - f_0", lambda s: (s.map.load_of_mean - s.fixed_load)[FIVE_LOADS], "5",
         unit="N, N.m"),
-    Stored("scaled.min_expected_ratio", "smallest expected chi-square over its degrees of freedom",
+    Entry("scaled.min_expected_ratio", "smallest expected chi-square over its degrees of freedom",
         policies.MIN_EXPECTED_RATIO),
-    Stored("scaled.spread", "N of what has a prior, N N' the sum over its columns", lambda s: s.spread.strain,
+    Entry("scaled.spread", "N of what has a prior, N N' the sum over its columns", lambda s: s.spread.strain,
         "n_gauges n_gauges", unit="m/m"),
-    Stored("scaled.spread_load", "loads of its columns", lambda s: s.spread.load[:, FIVE_LOADS], "n_gauges 5",
+    Entry("scaled.spread_load", "loads of its columns", lambda s: s.spread.load[:, FIVE_LOADS], "n_gauges 5",
         unit="N, N.m"),
-    Stored("scaled.spread_unseen", "what those columns do not hold",
+    Entry("scaled.spread_unseen", "what those columns do not hold",
         lambda s: s.spread.unseen[FIVE_LOADS, FIVE_LOADS], "5 5", unit=""),
-    Stored("other_loads.array_name", "names of the arrays of outputs",
-        lambda s: texts([array.name for array in s.load_arrays], OUTPUT_NAME_SIZE), "n_arrays OUTPUT_NAME_SIZE",
-        kind="text"),
-    Stored("other_loads.array_value",
-        "what each holds: loads, their standard deviations, the same of coefficients",
+    Entry("other_loads.array_name", "names of the arrays of outputs",
+        lambda s: texts("other loads", [array.name for array in s.load_arrays], OUTPUT_NAME_SIZE),
+        "n_arrays OUTPUT_NAME_SIZE", kind="text"),
+    Entry("other_loads.array_value", "what each holds: loads, their standard deviations, the same of coefficients",
         lambda s: np.array([array.value for array in s.load_arrays], dtype=float), "n_arrays"),
-    Stored("other_loads.array_first", "the first of its loads",
+    Entry("other_loads.array_first", "the first of its loads",
         lambda s: np.array([array.group.first for array in s.load_arrays], dtype=float), "n_arrays"),
-    Stored("other_loads.array_size", "and how many they are",
+    Entry("other_loads.array_size", "and how many they are",
         lambda s: np.array([array.group.size for array in s.load_arrays], dtype=float), "n_arrays"),
-    Stored("other_loads.like", "which of the five loads its standard deviation grows as; 5: the widest",
+    Entry("other_loads.like", "which of the five loads its standard deviation grows as; 5: the widest",
         lambda s: np.array([float(group.load.like) for group in s.map.load_groups for _ in range(group.size)]),
         "n_loads"),
-    Stored("other_loads.is_moment", "0 or 1", lambda s: s.map.is_moment[OTHER_LOADS].astype(float), "n_loads"),
-    Stored("other_loads.fixed_load", "f_0", lambda s: s.fixed_load[OTHER_LOADS], "n_loads", unit="N, N.m"),
-    Stored("other_loads.load_of_mean", "f_mean - f_0", lambda s: (s.map.load_of_mean - s.fixed_load)[OTHER_LOADS],
+    Entry("other_loads.is_moment", "0 or 1", lambda s: s.map.is_moment[OTHER_LOADS].astype(float), "n_loads"),
+    Entry("other_loads.fixed_load", "f_0", lambda s: s.fixed_load[OTHER_LOADS], "n_loads", unit="N, N.m"),
+    Entry("other_loads.load_of_mean", "f_mean - f_0", lambda s: (s.map.load_of_mean - s.fixed_load)[OTHER_LOADS],
         "n_loads", unit="N, N.m"),
-    Stored("other_loads.load_per_state", "M", lambda s: s.map.load_per_state[OTHER_LOADS].T, "n_states n_loads",
+    Entry("other_loads.load_per_state", "M", lambda s: s.map.load_per_state[OTHER_LOADS].T, "n_states n_loads",
         unit="N/state, N.m/state"),
-    Stored("other_loads.spread_load", "loads of the columns of spread", lambda s: s.spread.load[:, OTHER_LOADS],
+    Entry("other_loads.spread_load", "loads of the columns of spread", lambda s: s.spread.load[:, OTHER_LOADS],
         "n_gauges n_loads", unit="N, N.m"),
-    Stored("other_loads.spread_unseen", "variances of what those do not hold",
+    Entry("other_loads.spread_unseen", "variances of what those do not hold",
         lambda s: np.diag(s.spread.unseen)[OTHER_LOADS], "n_loads", unit=""),
-    Stored("filter.smallest_time", "of the time constant", policies.SMALLEST_TIME, unit="s", rule=POSITIVE),
-    Stored("filter.largest_time", "of the time constant, and of a step", policies.LARGEST_TIME, unit="s",
+    Entry("filter.smallest_time", "of the time constant", policies.SMALLEST_TIME, unit="s", rule=POSITIVE),
+    Entry("filter.largest_time", "of the time constant, and of a step", policies.LARGEST_TIME, unit="s",
         rule=POSITIVE),
-    Stored("filter.white_navigation",
-        "part of the variance of air data that is independent from sample to sample", policies.WHITE_NAVIGATION,
-        low=0.0, high=1.0),
-    Stored("filter.rate", "standard deviations of the rates of (M, u, w, ln p_inf) while no strain comes; "
+    Entry("filter.white_navigation", "part of the variance of air data that is independent from sample to sample",
+        policies.WHITE_NAVIGATION, low=0.0, high=1.0),
+    Entry("filter.rate", "standard deviations of the rates of (M, u, w, ln p_inf) while no strain comes; "
         "60 m/s^2 at 20 km, 6 deg/s, a climb of 640 m/s", (0.2, 0.1, 0.1, 0.1), "4", unit="1/s", rule=POSITIVE,
         kind="values"),
-    Stored("filter.noise", "variances of what is independent from sample to sample", lambda s: white_noise(s.map),
+    Entry("filter.noise", "variances of what is independent from sample to sample", lambda s: white_noise(s.map),
         "n_gauges", unit="(m/m)^2", rule=POSITIVE),
-    Stored("thermal.largest_rise", "beyond which a sensor is taken to be broken", LARGEST_RISE,
+    Entry("thermal.largest_rise", "beyond which a sensor is taken to be broken", LARGEST_RISE,
         unit="K", rule=POSITIVE),
-    Stored("thermal.scaled_covariance", "of the errors that scale",
+    Entry("thermal.scaled_covariance", "of the errors that scale",
         lambda s: s.map.scaled_covariance, "n_gauges n_gauges", unit="(m/m)^2"),
-    Stored("inertia.channels", "of the sensors, the last: of an inertial unit", len(CHANNELS),
+    Entry("inertia.channels", "of the sensors, the last: of an inertial unit", len(CHANNELS),
         kind="count", low=1, high=4096, member="n_channels"),
-    Stored("inertia.vibrations", "of the modes, the last: of vibration, whose size is an input",
+    Entry("inertia.vibrations", "of the modes, the last: of vibration, whose size is an input",
         lambda s: s.map.inertia.vibration_strain.shape[1], kind="count", low=0, high=4096, member="n_vibrations"),
-    Stored("parameters.tolerance", "score up to which a parameter is inside", PARAMETER_TOLERANCE),
-    Stored("parameters.largest_score", "of a value that is no finite number, infinity", LARGEST_SCORE),
-    Stored("parameters.minimum", "over the snapshots", lambda s: s.parameters.minimum, "n_parameters", unit=""),
-    Stored("parameters.maximum", "the same", lambda s: s.parameters.maximum, "n_parameters", unit=""),
-    Stored("parameters.span", "width of the range, at least the size of a value that is fixed",
+    Entry("parameters.tolerance", "score up to which a parameter is inside", validity.PARAMETER_TOLERANCE),
+    Entry("parameters.largest_score", "of a value that is no finite number, infinity", validity.LARGEST_SCORE),
+    Entry("parameters.minimum", "over the snapshots", lambda s: s.parameters.minimum, "n_parameters", unit=""),
+    Entry("parameters.maximum", "the same", lambda s: s.parameters.maximum, "n_parameters", unit=""),
+    Entry("parameters.span", "width of the range, at least the size of a value that is fixed",
         lambda s: s.parameters.span, "n_parameters", unit="", rule=POSITIVE),
-    Stored("parameters.names", "as in the vehicle file", lambda s: _parameter_names(s.parameters.names),
+    Entry("parameters.names", "as in the vehicle file",
+        lambda s: texts("parameters", s.parameters.names, PARAMETER_NAME_SIZE),
         "n_parameters PARAMETER_NAME_SIZE", kind="text"),
-    Stored("angles.incidence_per_force", "largest total angle of attack over the largest lateral coefficient",
-        lambda s: incidence_per_force(s.map), unit="rad", rule=POSITIVE),
-    Stored(f"{TARE}.dynamic_pressure", "largest at rest", _LIMITS.dynamic_pressure, unit="Pa",
-        low=0.0),
-    Stored(f"{TARE}.zero", "largest zero offset", _LIMITS.zero, unit="m/m", low=0.0),
-    Stored(f"{TARE}.drift", "largest over the window", _LIMITS.drift, unit="m/m",
-        low=0.0),
-    Stored(f"{TARE}.least_samples", "of a window", float(tare.LEAST_SAMPLES),
-        low=float(tare.LEAST_SAMPLES)),
-    Stored(f"{TARE}.least_part", "of the samples that a gauge must read", tare.LEAST_PART,
-        low=0.0),
-    Stored(f"{TARE}.least_gauges", "part of the gauges that must have a zero", 0.5, low=0.0),
-    Stored(f"{TARE}.own_factor",
+    Entry("angles.incidence_per_force", "largest total angle of attack over the largest lateral coefficient",
+        lambda s: validity.incidence_per_force(s.map), unit="rad", rule=POSITIVE),
+    Entry(f"{TARE}.dynamic_pressure", "largest at rest", _LIMITS.dynamic_pressure, unit="Pa", low=0.0),
+    Entry(f"{TARE}.zero", "largest zero offset", _LIMITS.zero, unit="m/m", low=0.0),
+    Entry(f"{TARE}.drift", "largest over the window", _LIMITS.drift, unit="m/m", low=0.0),
+    Entry(f"{TARE}.least_samples", "of a window", float(tare.LEAST_SAMPLES), low=float(tare.LEAST_SAMPLES)),
+    Entry(f"{TARE}.least_part", "of the samples that a gauge must read", tare.LEAST_PART, low=0.0),
+    Entry(f"{TARE}.least_gauges", "part of the gauges that must have a zero", 0.5, low=0.0),
+    Entry(f"{TARE}.own_factor",
         "of the scatter of a gauge by its own noise; times the scatter of the stretches of all gauges", 3.0,
         low=0.0),
-    Stored(f"{TARE}.moved",
+    Entry(f"{TARE}.moved",
         "factor on the scatter from which gauges move; standard deviations of a line's rise over the window", 6.0,
         low=0.0),
-    Stored(f"{TARE}.loud", "factor on the scatter from which a gauge is loud", tare.LOUD,
-        low=0.0),
-    Stored(f"{TARE}.known_strain", "of the loads that act meanwhile", lambda s: s.known.value, "n_strains",
+    Entry(f"{TARE}.loud", "factor on the scatter from which a gauge is loud", tare.LOUD, low=0.0),
+    Entry(f"{TARE}.known_strain", "of the loads that act meanwhile", lambda s: s.known.value, "n_strains",
         unit="m/m"),
-    Stored(f"{TARE}.known_std", "its standard deviation", lambda s: s.known.std, "n_strains", unit="m/m",
+    Entry(f"{TARE}.known_std", "its standard deviation", lambda s: s.known.std, "n_strains", unit="m/m",
         rule=FROM_0),
-    Stored(f"{TARE}.pattern", "orthonormal strains of flights", lambda s: tare.load_patterns(s.map),
+    Entry(f"{TARE}.pattern", "orthonormal strains of flights", lambda s: tare.load_patterns(s.map),
         "n_patterns n_strains"),
-    Stored(f"{TARE}.load_odds", "threshold of the part along them by the number of gauges",
+    Entry(f"{TARE}.load_odds", "threshold of the part along them by the number of gauges",
         lambda s: tare.load_odds(s.map), "n_strains+1"),
-    Stored("flight.min_incidence", "rounds the cone of total angle of attack off at its tip",
+    Entry("flight.min_incidence", "rounds the cone of total angle of attack off at its tip",
         MIN_INCIDENCE, unit="rad", rule=POSITIVE),
     *_tables("flight", lambda s: s.tables.tables.fixed_response),
-    Stored("flight.log_pressure_range", "ln(p_inf / Pa)",
+    Entry("flight.log_pressure_range", "ln(p_inf / Pa)",
         lambda s: [log(p) for p in s.tables.pressure_range.tolist()], "2", rule=INCREASING, kind="values"),
-    Stored("flight.middle_log_pressure", "the same", lambda s: np.log(s.tables.pressure_range).mean()),
-    Stored("flight.has_crossflow_range", "1, or 0: incidence_limit at every aerodynamic roll angle",
+    Entry("flight.middle_log_pressure", "the same", lambda s: np.log(s.tables.pressure_range).mean()),
+    Entry("flight.has_crossflow_range", "1, or 0: incidence_limit at every aerodynamic roll angle",
         lambda s: s.tables.crossflow_range is not None, kind="whole", low=0, high=1),
-    Stored("flight.crossflow_middle", "of the ranges of u and w", lambda s: s.tables.crossflow[0], "2",
+    Entry("flight.crossflow_middle", "of the ranges of u and w", lambda s: s.tables.crossflow[0], "2",
         unit="rad", kind="values"),
-    Stored("flight.crossflow_half", "half widths of these", lambda s: s.tables.crossflow[1], "2", unit="rad",
+    Entry("flight.crossflow_half", "half widths of these", lambda s: s.tables.crossflow[1], "2", unit="rad",
         rule=POSITIVE, kind="values"),
-    Stored("flight.outside_score", "of the flight state from which it is outside",
+    Entry("flight.outside_score", "of the flight state from which it is outside",
         lambda s: s.tables.outside_score),
-    Stored("flight.range_tolerance", "part of a range by which it may be left", policies.RANGE_TOLERANCE),
-    Stored("flight.navigation_error",
+    Entry("flight.range_tolerance", "part of a range by which it may be left", policies.RANGE_TOLERANCE),
+    Entry("flight.navigation_error",
         "of navigation without a standard deviation: of M, relative of p_inf and q_inf",
-        lambda s: [getattr(s.tables, f"{name}_error") for name in NAVIGATION],
-        "3", kind="values"),
-    Stored("flight.prior_mean", "of the flight state where nothing is known",
-        lambda s: s.tables.state_prior.mean, "4", unit="", kind="values"),
-    Stored("flight.prior_precision", "its inverse variance", lambda s: 1.0 / s.tables.state_prior.std**2, "4",
+        lambda s: [getattr(s.tables, f"{name}_error") for name in NAVIGATION], "3", kind="values"),
+    Entry("flight.prior_mean", "of the flight state where nothing is known",
+        lambda s: s.tables.state_prior[0], "4", unit="", kind="values"),
+    Entry("flight.prior_precision", "its inverse variance", lambda s: 1.0 / s.tables.state_prior[1]**2, "4",
         unit="", rule=POSITIVE, kind="values"),
-    Stored("flight.navigation_limit", "standardised residuals above which navigation is inconsistent",
-        [outlier_threshold(1, rate) for rate in policies.FALSE_ALARMS], "3", kind="values"),
-    Stored("flight.navigation_alarm", "from which an input that is dropped is an alarm",
-        policies.NAVIGATION_ALARM),
-    Stored("flight.half_gamma", "q = half_gamma M^2 p", 0.5 * HEAT_CAPACITY_RATIO),
-    Stored("flight.log_half_gamma", "its logarithm", log(0.5 * HEAT_CAPACITY_RATIO)),
-    Stored("flight.largest_step", "of an iteration", policies.LARGEST_STEP, "4", unit="", rule=POSITIVE,
+    Entry("flight.navigation_limit", "standardised residuals above which navigation is inconsistent",
+        [health.outlier_threshold(1, rate) for rate in policies.FALSE_ALARMS], "3", kind="values"),
+    Entry("flight.navigation_alarm", "from which an input that is dropped is an alarm", policies.NAVIGATION_ALARM),
+    Entry("flight.half_gamma", "q = half_gamma M^2 p", 0.5 * HEAT_CAPACITY_RATIO),
+    Entry("flight.log_half_gamma", "its logarithm", log(0.5 * HEAT_CAPACITY_RATIO)),
+    Entry("flight.largest_step", "of an iteration", policies.LARGEST_STEP, "4", unit="", rule=POSITIVE,
         kind="values"),
-    Stored("flight.min_gain", "of an iteration that goes on", policies.MIN_GAIN),
-    Stored("flight.min_incidence_score",
+    Entry("flight.min_gain", "of an iteration that goes on", policies.MIN_GAIN),
+    Entry("flight.min_incidence_score",
         "from which the wind has a roll angle; standard deviations of the total incidence above zero", 3.0),
-    Stored("flight.search_every", "steps", policies.SEARCH_EVERY, kind="whole", low=0, high=1000000),
-    Stored("flight.return_after", "steps", policies.RETURN_AFTER, kind="whole", low=0, high=1000000),
-    Stored("flight.start_iterations", "an even number", policies.START_ITERATIONS, kind="whole", low=2, high=1000),
-    Stored("flight.cold_iterations", "after a search", policies.COLD_ITERATIONS, kind="whole", low=0, high=1000),
-    Stored("flight.warm_iterations", "of a step that goes on", policies.WARM_ITERATIONS, kind="whole", low=0,
+    Entry("flight.search_every", "steps", policies.SEARCH_EVERY, kind="whole", low=0, high=1000000),
+    Entry("flight.return_after", "steps", policies.RETURN_AFTER, kind="whole", low=0, high=1000000),
+    Entry("flight.start_iterations", "an even number", policies.START_ITERATIONS, kind="whole", low=2, high=1000),
+    Entry("flight.cold_iterations", "after a search", policies.COLD_ITERATIONS, kind="whole", low=0, high=1000),
+    Entry("flight.warm_iterations", "of a step that goes on", policies.WARM_ITERATIONS, kind="whole", low=0,
         high=1000),
-    Stored("flight.shape_limit", "sum of squares of discrepancy modes from which strain does not fit",
+    Entry("flight.shape_limit", "sum of squares of discrepancy modes from which strain does not fit",
         lambda s: s.tables.shape_limit),
-    Stored("flight.outlier_threshold", "of the largest leave-one-out residual",
-        lambda s: outlier_threshold(s.tables.n_gauges, FALSE_ALARM_PROBABILITY)),
-    Stored("flight.chi_square_limit", "by degrees of freedom from 0 on",
-        lambda s: [chi_square_limit(max(k, 1)) for k in range(s.tables.n_gauges + len(NAVIGATION) + 1)],
+    Entry("flight.outlier_threshold", "of the largest leave-one-out residual",
+        lambda s: _outlier_threshold(s.tables.n_gauges)),
+    Entry("flight.chi_square_limit", "by degrees of freedom from 0 on",
+        lambda s: [health.chi_square_limit(max(k, 1)) for k in range(s.tables.n_gauges + len(NAVIGATION) + 1)],
         "n_gauges+4"),
-    Stored("flight.gain_std", "error of each gain, relative", lambda s: s.tables.gain_std, "n_gauges"),
-    Stored("flight.common_gain", "error that gains have in common, in each of them",
+    Entry("flight.gain_std", "error of each gain, relative", lambda s: s.tables.gain_std, "n_gauges"),
+    Entry("flight.common_gain", "error that gains have in common, in each of them",
         lambda s: s.tables.common_gain, "n_gauges"),
     *_covariances("flight.scaled_covariance", "", "errors that the gain may correct, per p_inf^2",
         lambda s: (s.tables.error_strain, s.tables.error_load)),
     *_covariances("flight.considered_covariance", "considered_", "considered errors",
         lambda s: (s.tables.considered_strain, s.tables.considered_load)),
-    Stored("flight.considered_common", "considered ones of common_error",
-        lambda s: s.tables.considered_common,
+    Entry("flight.considered_common", "considered ones of common_error", lambda s: s.tables.considered_common,
         "n_considered_common 6 n_gauges", unit="1/Pa"),
-    Stored("flight.shapes", "discrepancy modes", lambda s: s.tables.discrepancy_shapes.T, "n_shapes n_gauges"),
+    Entry("flight.shapes", "discrepancy modes", lambda s: s.tables.discrepancy_shapes.T, "n_shapes n_gauges"),
     *_tables("considered", lambda s: s.tables.considered_tables.fixed_response),
     *_tables("flight_loads", lambda s: s.tables.fixed_response[s.tables.n_gauges + FIVE_LOADS.stop :]),
-    Stored("parameter_tables.largest_score", "of a parameter's range by which it may leave it and still be used",
+    Entry("parameter_tables.largest_score", "of a parameter's range by which it may leave it and still be used",
         policies.LARGEST_USED_SCORE, low=0.0),
-    Stored("parameter_tables.basis", "tables, orthonormal, whose sums by", lambda s: s.factors[0],
+    Entry("parameter_tables.basis", "tables, orthonormal, whose sums by", lambda s: s.factors[0],
         "n_basis n_incidence+2 n_harmonics 2"),
-    Stored("parameter_tables.row_weight", "are of a unit of a power, per p_inf", lambda s: s.factors[1],
+    Entry("parameter_tables.row_weight", "are of a unit of a power, per p_inf", lambda s: s.factors[1],
         "n_mach+2 n_powers n_rows n_basis", unit="1/Pa, m2, m3"),
-    Stored("parameter_tables.product",
+    Entry("parameter_tables.product",
         "of errors, per p_inf^2: of those that no parameter makes; of pairs of powers; of each spread",
         lambda s: error_products(s.tables.parameters, s.tables.n_gauges, s.tables.n_loads),
         "n_products product_size", unit=""),
@@ -510,13 +473,13 @@ RECORDS: tuple[tuple[type[Any], Callable[[Source], Any], dict[str, str]], ...] =
 
 PARTS: dict[str, Callable[[InverseMap], bool]] = {
     "scaled_errors": lambda m: m.follows_pressure and m.errors_follow_strain,
-    "other_loads": lambda m: m.follows_pressure and has_other_outputs(m),
+    "other_loads": lambda m: m.follows_pressure and bool(groups_of_outputs(m)),
     "filter": has_filter,
     "thermal": lambda m: m.thermal_and_inertia.n_modes > 0,
     "inertia": lambda m: m.has_masses,
     "vehicle": lambda m: m.inertia is not None and m.inertia.vehicle_mass is not None,
-    "parameters": lambda m: bool(flow_parameters(m).names),
-    "angles": lambda m: incidence_per_force(m) > 0.0,
+    "parameters": lambda m: bool(validity.flow_parameters(m).names),
+    "angles": lambda m: validity.incidence_per_force(m) > 0.0,
     "sensors": lambda m: m.has_auxiliary_sensors,
     "flight": lambda m: m.manifold is not None,
     "considered": lambda m: m.manifold is not None and m.manifold.considered_tables is not None,
@@ -526,24 +489,22 @@ PARTS: dict[str, Callable[[InverseMap], bool]] = {
 """Whether a map has a part; it has those that are not here."""
 
 
-def _field_value(
-    source: Source, *, name: str, record: Callable[[Source], Any], shape: str, stored: str
-) -> FloatArray:
-    value = np.asarray(getattr(record(source), name), dtype=float)
-    return np.asarray(stored_value(value, shape, stored, source.map.n_strain_gauges))
-
-
-def _field_arrays() -> tuple[Stored, ...]:
+def _field_arrays() -> tuple[Entry, ...]:
     """Return the arrays of ``map.bin`` that are fields of a map, with symbols as there."""
-    arrays = list[Stored]()
-    for kind, record, symbols in RECORDS:
-        for name, stated in entries(kind).items():
-            if stated.place:
-                axes = stated.stored or stated.shape
-                value = partial(_field_value, name=name, record=record, shape=stated.shape, stored=axes)
-                shape = " ".join(symbols.get(axis, axis) for axis in axes.split())
-                arrays.append(replace(stated, shape=shape, value=value))
-    return tuple(arrays)
+
+    def array(name: str, stated: Entry, record: Callable[[Source], Any], symbols: Mapping[str, str]) -> Entry:
+        def value(source: Source) -> FloatArray:
+            return stored_value(getattr(record(source), name), stated, source.map.n_strain_gauges)
+
+        axes = (stated.stored or stated.shape).split()
+        return replace(stated, shape=" ".join(symbols.get(axis, axis) for axis in axes), value=value)
+
+    return tuple(
+        array(name, stated, record, symbols)
+        for kind, record, symbols in RECORDS
+        for name, stated in entries(kind).items()
+        if stated.place
+    )
 
 
 LAYOUT = (*_field_arrays(), *DERIVED)
@@ -555,11 +516,7 @@ def native_resource(inverse_map: InverseMap, guid: str, known: tare.KnownStrain 
 
     ``known`` is the strain of the loads that act while a tare is taken; None for none.
     """
-    try:
-        text = texts([guid], GUID_SIZE)
-    except ValueError as error:
-        raise InputError(f"guid: {error}") from error
-    return pack({"guid": text, **map_arrays(inverse_map, known)})
+    return pack({"guid": texts("guid", [guid], GUID_SIZE), **map_arrays(inverse_map, known)})
 
 
 def map_arrays(inverse_map: InverseMap, known: tare.KnownStrain | None = None) -> dict[str, np.ndarray]:

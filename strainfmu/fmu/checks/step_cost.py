@@ -83,7 +83,7 @@ def step_costs(map_path: Path, time_per_call: Callable[[Callable[[], object]], f
             costs |= _other_costs(linear, Path(folder), "linear")
         if inverse_map.follows_pressure:
             # Weights that do not follow q_inf.
-            nothing = nothing_of(inverse_map, *SCALED_FIELDS)
+            nothing = nothing_of(*SCALED_FIELDS)
             costs |= _other_costs(replace(linear, form="absolute", **nothing), Path(folder), "form absolute")
     return costs
 

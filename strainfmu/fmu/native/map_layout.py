@@ -11,7 +11,7 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from strainfmu.estimator.map.schema import Stored
+from strainfmu.estimator.map.schema import Entry
 from strainfmu.estimator.resource.map_file import LAYOUT
 from strainfmu.estimator.signal_names import TARE
 from strainfmu.files import write_bytes_atomically
@@ -115,7 +115,7 @@ def header() -> str:
     return "\n".join([*lines, "#endif", ""])
 
 
-def _arrays_of(group: Group) -> list[Stored]:
+def _arrays_of(group: Group) -> list[Entry]:
     named = {name for sibling in GROUPS if sibling.part == group.part for name in sibling.names}
     shared = {"table", "row", "channel", "cosine", "sine", "fixed_response"}
     arrays = [array for array in LAYOUT if array.part == group.part]
@@ -125,7 +125,7 @@ def _arrays_of(group: Group) -> list[Stored]:
     return [array for array in arrays if array.name not in leave]
 
 
-def _symbols(groups: list[tuple[Group, list[Stored]]]) -> list[str]:
+def _symbols(groups: list[tuple[Group, list[Entry]]]) -> list[str]:
     symbols = dict[str, None]()
     for group, arrays in groups:
         axes = [axis for array in arrays for axis in array.shape.split()]
@@ -155,7 +155,7 @@ def _length_row(length: Length) -> str:
     return f"X(T, LENGTH, {length.member or length.symbol}, {length.array}, ANY, {length.axis}, 0, 0, {bounds})"
 
 
-def _row(array: Stored) -> str:
+def _row(array: Entry) -> str:
     axes = array.shape.split()
     kind, rule = array.kind.upper(), array.rule
     if kind == "VALUES":

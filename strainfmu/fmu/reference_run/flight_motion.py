@@ -52,7 +52,7 @@ def flight_of_tables(inverse_map: InverseMap, path: FlightPath) -> ReferenceFlig
         covariance=covariance,
         residual_precision=free_precision(covariance[middle], jacobian[middle, :n]),
         noise_std=white_noise(inverse_map.noise_std, manifold.gauge_covariance),
-        load_strain_covariance=square * manifold.load_strain_covariance[FIVE_LOADS],
+        load_strain_covariance=square * (manifold.error_load @ manifold.error_strain.T)[FIVE_LOADS],
         air_data={f"air_data.{name}": values for name, values in air_data.items()},
     )
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.map.inverse_map import InverseMap, has_other_outputs
+from strainfmu.estimator.map.inverse_map import InverseMap, groups_of_outputs
 from strainfmu.estimator.map.validity import flow_parameters
 from strainfmu.estimator.policies import RETURN_AFTER
 from strainfmu.estimator.signal_names import COEFFICIENT_ARRAY, FORCE, MOMENT, TEMPERATURE
@@ -104,7 +104,7 @@ def _run(inverse_map: InverseMap, readings: Readings, seed: int) -> ReferenceRun
     rows = rounded(rows * inverse_map.sensors.scale + inverse_map.zero_offset)
     values = np.array(
         [
-            [*output_values(estimate, has_other_outputs(inverse_map)), float(TareState.IDLE)]
+            [*output_values(estimate, bool(groups_of_outputs(inverse_map))), float(TareState.IDLE)]
             for estimate in _estimates(inverse_map, rows, readings.known)
         ]
     )

@@ -17,7 +17,7 @@ from thermal_maps import REFERENCE, with_temperature
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.gauge_zeros import GaugeZeros
-from strainfmu.estimator.map.inverse_map import InverseMap, has_other_outputs
+from strainfmu.estimator.map.inverse_map import InverseMap, groups_of_outputs
 from strainfmu.estimator.resource.map_file import map_arrays
 from strainfmu.interface.estimator_variables import output_values
 
@@ -90,8 +90,8 @@ def test_read_in_any_order_and_at_any_time(fmu: FlightFmu, inverse_map: InverseM
 
 def test_tables_have_the_loads_of_their_map(inverse_map: InverseMap) -> None:
     five = of_five_loads(inverse_map)
-    assert has_other_outputs(inverse_map)
-    assert not has_other_outputs(five)
+    assert groups_of_outputs(inverse_map)
+    assert not groups_of_outputs(five)
     assert not any(name.startswith("flight_loads.") for name in map_arrays(five))
     with pytest.raises(InputError, match=r"inverse map: manifold: error_load has shape \(5, .*\), must be \(24, "):
         replace(inverse_map, manifold=five.manifold)

@@ -96,7 +96,7 @@ OUTSIDE = {
 def test_outside_by_each_cause(cause: str, scaled_form: bool, tmp_path: Path) -> None:
     plain = scaled_map(2, seed=2, errors=errors_at_strain(18), **with_envelope(n=9, size=5.0))
     if not scaled_form:
-        plain = replace(plain, form="absolute", **nothing_of(plain, *errors_at_strain(1)))
+        plain = replace(plain, form="absolute", **nothing_of(*errors_at_strain(1)))
     given = dict(OUTSIDE[cause])
     limit, pressure = given.pop("limit", 5.0), given.pop("pressure", NOMINAL)
     inverse_map = replace(plain, envelope_limit=np.full(9, limit))
