@@ -13,9 +13,8 @@ from pathlib import Path
 
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.estimator.library_sources import BINARIES, library_digest, require_digest
-from strainfmu.fmu.description.fmi2 import model_description_bytes
-from strainfmu.fmu.description.fmi3 import model_description_3_bytes
 from strainfmu.fmu.description.fmu_description import FmuDescription
+from strainfmu.fmu.description.model_description import model_description_bytes
 from strainfmu.fmu.native.sources import build_description, cmake_lists
 
 CAPABILITIES = {
@@ -175,9 +174,8 @@ def native_entries(
     resource_files : content by name inside ``resources/``.
     """
     second = description.fmi_version == "2"
-    describe = model_description_bytes if second else model_description_3_bytes
     identifier, files = description.model_identifier, description.source_files
-    entries = {"modelDescription.xml": describe(description)}
+    entries = {"modelDescription.xml": model_description_bytes(description)}
     for platform, (suffix, content) in libraries.items():
         folder = FOLDERS[platform] if second else platform
         entries[f"binaries/{folder}/{identifier}{suffix}"] = content

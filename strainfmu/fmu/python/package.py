@@ -20,8 +20,8 @@ from importlib import resources
 from pathlib import Path
 
 from strainfmu.errors import StrainfmuError
-from strainfmu.fmu.description.fmi2 import model_description_bytes
 from strainfmu.fmu.description.fmu_description import FmuDescription
+from strainfmu.fmu.description.model_description import model_description_bytes
 
 CAPABILITIES = {
     "needsExecutionTool": "true",

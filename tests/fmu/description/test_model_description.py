@@ -17,9 +17,8 @@ from strainfmu.errors import InputError
 from strainfmu.estimator.air_inputs import LAST_INPUTS, QSource
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.tare import TareState
-from strainfmu.fmu.description.fmi2 import model_description
-from strainfmu.fmu.description.fmi3 import FIRST_SCALAR, model_description_3
 from strainfmu.fmu.description.fmu_description import FmuDescription, generation_time, model_identifier
+from strainfmu.fmu.description.model_description import FIRST_SCALAR, model_description
 from strainfmu.fmu.export import ExportOptions, export_estimator
 from strainfmu.fmu.reference_run.run import array_elements
 from strainfmu.interface.enumerations import ENUMERATIONS, HEALTH_ITEMS, Q_SOURCE_ITEMS, TARE_ITEMS
@@ -264,12 +263,11 @@ def test_model_identifiers_are_c_names() -> None:
 
 def test_the_time_stamp_ends_in_z_and_honours_the_epoch(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "1700000000")
-    for describe in (model_description, model_description_3):
-        root = describe(
-            FmuDescription(
-                model_name="M", description="d", interface=(), content_hash="hash", stop_time=1.0, step_size=0.1
-            )
-        )
+    base = FmuDescription(
+        model_name="M", description="d", interface=(), content_hash="hash", stop_time=1.0, step_size=0.1
+    )
+    for version in ("2", "3"):
+        root = model_description(replace(base, fmi_version=version))
         assert root.get("generationDateAndTime") == "2023-11-14T22:13:20Z"
         assert root.get("variableNamingConvention") == "structured"
     for wrong in ("today", "-5"):

@@ -25,9 +25,8 @@ from thermal_maps import with_temperature
 from strainfmu.cosim.models.autopilot import AutopilotSettings, autopilot_interface
 from strainfmu.cosim.models.schedule import ScheduledSignal, schedule_interface
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.fmu.description.fmi2 import model_description
-from strainfmu.fmu.description.fmi3 import model_description_3
 from strainfmu.fmu.description.fmu_description import FmuDescription
+from strainfmu.fmu.description.model_description import model_description
 from strainfmu.interface.estimator_variables import estimator_arrays, estimator_interface
 from strainfmu.interface.fmi_variables import Variable
 from strainfmu.interface.plant_variables import FlightStart, Motion, native_plant_interface, plant_interface
@@ -153,7 +152,7 @@ def described(interface: Sequence[Variable], version: str) -> Element:
         source_files=("a.c", "b.c"),
         model_exchange={},
     )
-    return model_description(fmu) if version == "2" else model_description_3(fmu)
+    return model_description(fmu)
 
 
 @pytest.mark.parametrize(

@@ -25,7 +25,7 @@ from raw_fmu import (
 )
 
 from strainfmu.estimator.air_inputs import LAST_INPUTS
-from strainfmu.fmu.description.fmi3 import FIRST_SCALAR
+from strainfmu.fmu.description.model_description import FIRST_SCALAR
 from strainfmu.interface.estimator_variables import estimator_arrays, estimator_interface
 from strainfmu.interface.fmi_variables import value_references
 
