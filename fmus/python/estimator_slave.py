@@ -25,6 +25,7 @@ from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.gauge_zeros import GaugeZeros, zero_fault
 from strainfmu.estimator.map.inverse_map import groups_of_outputs, load_inverse_map
 from strainfmu.estimator.settings import EstimatorSettings, setting_fault
+from strainfmu.estimator.signal_names import FILTER_TIME_CONSTANT
 from strainfmu.estimator.tare import EdgeTare, KnownStrain
 from strainfmu.fmu.python.stop_time import stop_fault
 from strainfmu.fmu.python.wrapper_exit import let_go_at_exit
@@ -32,8 +33,8 @@ from strainfmu.interface.estimator_variables import (
     PARAMETERS,
     estimator_interface,
     output_values,
+    time_constant_fault,
 )
-from strainfmu.interface.filter_variables import FILTER_TIME_CONSTANT, time_constant_fault
 from strainfmu.interface.fmi_variables import Variable, value_references
 from strainfmu.interface.input_names import (
     FLOW_INPUTS,
@@ -44,10 +45,8 @@ from strainfmu.interface.input_names import (
     lone_angle,
 )
 from strainfmu.interface.parameter_variables import parameter_names, parameter_std_names
-from strainfmu.interface.sensor_variables import THRUST
-from strainfmu.interface.tare_variables import TARE, TARE_STATE, zero_in_use_names
-from strainfmu.interface.temperature_variables import temperature_names
-from strainfmu.interface.zero_variables import zero_names
+from strainfmu.interface.sensor_variables import THRUST, temperature_names
+from strainfmu.interface.zero_variables import TARE, TARE_STATE, zero_in_use_names, zero_names
 
 
 class EstimatorSlave(Fmi2Slave):

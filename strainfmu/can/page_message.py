@@ -30,8 +30,7 @@ from strainfmu.interface.health_names import VALID_GAUGES as GAUGES_USED
 from strainfmu.interface.input_names import FLOW_KEYS, given_flow, given_thrust, other_air_data
 from strainfmu.interface.parameter_variables import OUTSIDE_PREFIX, PREFIX, STD_PREFIX
 from strainfmu.interface.sensor_variables import PREFIX as SENSOR_PREFIX
-from strainfmu.interface.sensor_variables import THRUST, has_thrust, sensor_names
-from strainfmu.interface.temperature_variables import temperature_names
+from strainfmu.interface.sensor_variables import THRUST, has_thrust, sensor_names, temperature_names
 
 PAGE_OUTPUTS = (
     *LOADS,

@@ -35,8 +35,7 @@ from strainfmu.files import check_new_folder
 from strainfmu.fmu.native.sources import ARITHMETIC_FLAGS, compiled_files, model_sources
 from strainfmu.fmu.reference_run.run import ReferenceRun, reference_run
 from strainfmu.interface.parameter_variables import parameter_names, parameter_std_names
-from strainfmu.interface.sensor_variables import place_text, reading_names, reading_units
-from strainfmu.interface.temperature_variables import temperature_names
+from strainfmu.interface.sensor_variables import place_text, reading_names, reading_units, temperature_names
 from strainfmu.version import __version__
 
 FILES = ("example.c", "map_data.h", "measure.c", "samples.h")

@@ -9,10 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 from strainfmu.estimator.air_inputs import AIR_INPUTS, DYNAMIC_PRESSURE
 from strainfmu.estimator.estimate import Estimate
+from strainfmu.estimator.map.inverse_map import InverseMap, has_filter
+from strainfmu.estimator.policies import LARGEST_TIME, SMALLEST_TIME
 from strainfmu.estimator.settings import (
     LARGEST_SETTING,
     OF_ALARMS,
@@ -24,9 +25,15 @@ from strainfmu.estimator.settings import (
     default_settings,
     setting_minimum,
 )
-from strainfmu.estimator.signal_names import COEFFICIENT_ARRAY, FORCE, MOMENT, STRAIN, VALID
+from strainfmu.estimator.signal_names import (
+    COEFFICIENT_ARRAY,
+    FILTER_TIME_CONSTANT,
+    FORCE,
+    MOMENT,
+    STRAIN,
+    VALID,
+)
 from strainfmu.interface.enumerations import HEALTH_TYPE
-from strainfmu.interface.filter_variables import with_filter_parameter
 from strainfmu.interface.flight_variables import (
     flight_interface,
     flight_outputs,
@@ -51,13 +58,15 @@ from strainfmu.interface.input_names import PARAMETERS as PARAMETERS
 from strainfmu.interface.other_load_variables import OTHER_LOAD_ARRAYS, other_load_values, with_other_load_outputs
 from strainfmu.interface.parameter_variables import with_parameter_inputs
 from strainfmu.interface.sensor_variables import PREFIX as SENSOR_PREFIX
-from strainfmu.interface.sensor_variables import place_text, reading_names, sensor_inputs, with_thrust_input
-from strainfmu.interface.tare_variables import TARE_ARRAYS, with_tare_variables
-from strainfmu.interface.temperature_variables import TEMPERATURE_ARRAYS, with_temperature_inputs
-from strainfmu.interface.zero_variables import ZERO_ARRAYS, with_zero_parameters
-
-if TYPE_CHECKING:
-    from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.interface.sensor_variables import (
+    TEMPERATURE_ARRAYS,
+    place_text,
+    reading_names,
+    sensor_inputs,
+    with_temperature_inputs,
+    with_thrust_input,
+)
+from strainfmu.interface.zero_variables import ZERO_ARRAYS, with_tare_variables, with_zero_parameters
 
 
 @dataclass(frozen=True)
@@ -105,7 +114,7 @@ def estimator_interface(inverse_map: InverseMap) -> tuple[Variable, ...]:
     variables = with_temperature_inputs(
         with_zero_parameters(variables, strain_gauges, zero_offset), inverse_map.thermal
     )
-    variables = with_filter_parameter(with_thrust_input(variables, inverse_map), inverse_map)
+    variables = (*with_thrust_input(variables, inverse_map), *_filter_parameter(inverse_map))
     variables = with_tare_variables(with_other_load_outputs(variables, inverse_map), strain_gauges)
     variables = with_later_inputs(with_parameter_inputs(variables, inverse_map), inverse_map.manifold)
     return with_inertial_inputs(with_last_variables(variables, inverse_map), inverse_map)
@@ -163,7 +172,6 @@ ARRAYS = {
     **ZERO_ARRAYS,
     **TEMPERATURE_ARRAYS,
     **OTHER_LOAD_ARRAYS,
-    **TARE_ARRAYS,
 }
 
 
@@ -270,6 +278,30 @@ def _parameters(inverse_map: InverseMap) -> list[Variable]:
         )
         for parameter in SETTING_INPUTS
     ]
+
+
+def _filter_parameter(inverse_map: InverseMap) -> list[Variable]:
+    """Return the time constant of the filter, where there is one."""
+    none = "0, or model exchange," if inverse_map.manifold is None else "0"
+    parameter = Variable(
+        name=FILTER_TIME_CONSTANT,
+        description=f"Longest time over which the filter averages estimates of single samples; {none} for none",
+        causality="parameter",
+        kind="parameter",
+        variability="tunable",
+        unit="s",
+        minimum=0.0,
+        maximum=LARGEST_TIME,
+        start=0.0,
+    )
+    return [parameter] if has_filter(inverse_map) else []
+
+
+def time_constant_fault(value: float) -> str:
+    """Return what is wrong with a time constant [s], nothing if it may be set."""
+    if value == 0.0 or SMALLEST_TIME <= value <= LARGEST_TIME:
+        return ""
+    return f"{FILTER_TIME_CONSTANT}: {value:g} found, must be 0 or between {SMALLEST_TIME:g} and {LARGEST_TIME:g}"
 
 
 def _estimated_coefficients(inverse_map: InverseMap, gauges: tuple[str, ...]) -> list[Variable]:

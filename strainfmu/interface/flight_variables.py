@@ -21,7 +21,7 @@ from strainfmu.estimator.air_inputs import (
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.policies import MIN_GAIN
 from strainfmu.interface.enumerations import Q_SOURCE_TYPE
-from strainfmu.interface.fmi_variables import Variable, deviation_of
+from strainfmu.interface.fmi_variables import Variable, depending_on, deviation_of
 from strainfmu.interface.health_names import CHI_SQUARE, ENVELOPE_SCORE, LINEAR_LOADS, STATE, USABLE, VALID_GAUGES
 from strainfmu.interface.input_names import FLOW_INPUTS, NAVIGATION_INPUTS, NOT_GIVEN, PARAMETERS
 
@@ -112,14 +112,9 @@ def with_inertial_inputs(interface: tuple[Variable, ...], inverse_map: InverseMa
     if not inverse_map.has_masses:
         return interface
     inputs = [_air_input(air_input, air_input.text) for air_input in INERTIAL_INPUTS]
+    alone = tuple(variable.name for variable in interface if not variable.depends_on)
     names = tuple(variable.name for variable in inputs)
-    before = (
-        replace(variable, depends_on=(*variable.depends_on, *names))
-        if variable.causality == "output" and variable.name != VALID_GAUGES and variable.depends_on
-        else variable
-        for variable in interface
-    )
-    return (*before, *inputs)
+    return (*depending_on(interface, names, but=(VALID_GAUGES, *alone)), *inputs)
 
 
 def _air_input(air_input: AirInput, text: str) -> Variable:

@@ -124,6 +124,22 @@ def deviation_of(value: Variable) -> Variable:
     )
 
 
+def depending_on(
+    interface: Sequence[Variable], names: tuple[str, ...], but: tuple[str, ...] = (), initially: bool = False
+) -> tuple[Variable, ...]:
+    """Return ``interface`` whose outputs, but those named, depend on ``names`` too, or ``initially`` do."""
+
+    def changed(variable: Variable) -> Variable:
+        if initially:
+            return replace(variable, initially_depends_on=(*variable.initially_depends_on, *names))
+        return replace(variable, depends_on=(*variable.depends_on, *names))
+
+    return tuple(
+        changed(variable) if variable.causality == "output" and variable.name not in but else variable
+        for variable in interface
+    )
+
+
 def with_arrays(interface: Sequence[Variable], descriptions: Mapping[str, str]) -> tuple[Variable, ...]:
     """Return the interface of FMI 3.0: elements of one array become one variable, dependencies follow.
 

@@ -20,8 +20,7 @@ from strainfmu.estimator.air_inputs import (
 from strainfmu.estimator.other_loads import ROLLING
 from strainfmu.estimator.signal_names import COEFFICIENT_ARRAY, FORCE, MOMENT, VALID
 from strainfmu.interface.fmi_variables import Variable
-from strainfmu.interface.tare_variables import zero_in_use_names
-from strainfmu.interface.zero_variables import zero_names
+from strainfmu.interface.zero_variables import zero_in_use_names, zero_names
 
 _VALUES = (COEFFICIENT_ARRAY, FORCE, MOMENT, ROLLING, "moment.roll")
 """Arrays and variables that come first, because FMI tools plot what comes first."""

@@ -1,20 +1,21 @@
-"""Inputs of an FMU for sensors of a map that are no strain gauges, and for the thrust that some of them read."""
+"""Inputs of an FMU for sensors that are no strain gauges, for the thrust that some read, and for temperatures."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import replace
 from math import atan2, degrees
 from typing import TYPE_CHECKING, Protocol
 
+from strainfmu.estimator.signal_names import TEMPERATURE
 from strainfmu.estimator.signal_names import THRUST as THRUST
-from strainfmu.interface.fmi_variables import Variable, strain_names
-from strainfmu.interface.input_names import NOT_KNOWN
+from strainfmu.interface.fmi_variables import Variable, depending_on, strain_names
+from strainfmu.interface.health_names import VALID_GAUGES
+from strainfmu.interface.input_names import NOT_GIVEN, NOT_KNOWN
 
 if TYPE_CHECKING:
     from strainfmu.estimator.map.inverse_map import InverseMap
-    from strainfmu.estimator.map.sensors import SensorRows
+    from strainfmu.estimator.map.sensors import SensorRows, ThermalMap
 
 PREFIX = "sensor."
 
@@ -125,10 +126,37 @@ def with_thrust_input(interface: Sequence[Variable], inverse_map: InverseMap) ->
         display_unit="kN",
         start=0.0,
     )
-    outputs = (
-        replace(variable, depends_on=(*variable.depends_on, THRUST))
-        if variable.causality == "output"
-        else variable
-        for variable in interface
+    return (*depending_on(interface, (THRUST,)), thrust)
+
+
+TEMPERATURE_ARRAYS = {
+    TEMPERATURE: f"Temperature of each sensor; {NOT_GIVEN} where not known; names in the documentation"
+}
+
+
+def temperature_names(thermal: ThermalMap) -> tuple[str, ...]:
+    """Return ``temperature[1]`` .. of the sensors."""
+    return tuple(f"temperature[{i}]" for i in range(1, thermal.n_sensors + 1))
+
+
+def with_temperature_inputs(interface: Sequence[Variable], thermal: ThermalMap) -> tuple[Variable, ...]:
+    """Return ``interface`` with the temperatures behind it, on which all outputs depend but one.
+
+    The number of gauges in use follows from the readings as they come.
+    """
+    names = temperature_names(thermal)
+    inputs = (
+        Variable(
+            name=name,
+            description=f"Temperature of sensor {sensor}; {NOT_GIVEN} where not known",
+            causality="input",
+            kind="reading",
+            unit="K",
+            nominal=thermal.reference_temperature,
+            minimum=0.0,
+            start=0.0,
+            array=TEMPERATURE,
+        )
+        for name, sensor in zip(names, thermal.sensor_names, strict=True)
     )
-    return (*outputs, thrust)
+    return (*depending_on(interface, names, but=(VALID_GAUGES,)), *inputs)

@@ -21,13 +21,12 @@ from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.map.validity import flow_parameters
 from strainfmu.estimator.other_loads import LoadArray
 from strainfmu.estimator.settings import default_settings
+from strainfmu.estimator.signal_names import FILTER_TIME_CONSTANT
 from strainfmu.interface.estimator_variables import LOADS, estimator_arrays, estimator_interface
-from strainfmu.interface.filter_variables import FILTER_TIME_CONSTANT
 from strainfmu.interface.fmi_variables import COEFFICIENTS, Variable
 from strainfmu.interface.parameter_variables import OUTSIDE_PREFIX, PREFIX, STD_PREFIX
 from strainfmu.interface.sensor_variables import reading_names
-from strainfmu.interface.tare_variables import TARE, TARE_STATE
-from strainfmu.interface.zero_variables import zero_names
+from strainfmu.interface.zero_variables import TARE, TARE_STATE, zero_names
 
 LAST_STEP = 0.01
 """Length of the step of the last sample [s]; others reach to the next sample."""

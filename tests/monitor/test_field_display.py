@@ -27,7 +27,7 @@ from strainfmu.estimator.map.flight_tables import evaluate
 from strainfmu.estimator.map.inverse_map import save_inverse_map
 from strainfmu.estimator.map.nonlinear_map import with_known
 from strainfmu.estimator.outer_surface import outermost_places
-from strainfmu.interface.temperature_variables import temperature_names
+from strainfmu.interface.sensor_variables import temperature_names
 from strainfmu.monitor.message import parsed
 from strainfmu.monitor.server import Monitor
 from strainfmu.monitor.state import MonitorState

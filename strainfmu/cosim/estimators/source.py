@@ -32,8 +32,7 @@ from strainfmu.interface.parameter_variables import (
     parameter_std_names,
 )
 from strainfmu.interface.parameter_variables import PREFIX as PARAMETER_PREFIX
-from strainfmu.interface.sensor_variables import THRUST, reading_units, sensor_names
-from strainfmu.interface.temperature_variables import temperature_names
+from strainfmu.interface.sensor_variables import THRUST, reading_units, sensor_names, temperature_names
 
 LOAD_OUTPUTS = (*LOADS, *(f"{SIGMA}{name}" for name in LOADS))
 """Outputs of the five loads and of their standard deviations."""

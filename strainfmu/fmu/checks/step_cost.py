@@ -26,9 +26,9 @@ from strainfmu.estimator.map.inverse_map import (
     save_inverse_map,
 )
 from strainfmu.estimator.map.sensors import refuse_sensors
+from strainfmu.estimator.signal_names import FILTER_TIME_CONSTANT
 from strainfmu.fmu.export import ExportOptions, export_estimator
 from strainfmu.interface.estimator_variables import estimator_interface
-from strainfmu.interface.filter_variables import FILTER_TIME_CONSTANT
 from strainfmu.interface.fmi_variables import value_references
 
 KINDS = {

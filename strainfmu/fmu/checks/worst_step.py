@@ -16,11 +16,10 @@ from strainfmu.cosim.systems.instance import import_fmpy, safe_temporary_parent
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map, save_inverse_map
 from strainfmu.estimator.map.sensors import refuse_sensors
-from strainfmu.estimator.signal_names import TARE
+from strainfmu.estimator.signal_names import FILTER_TIME_CONSTANT, TARE
 from strainfmu.fmu.checks.step_cost import compiled, run, strain_parts
 from strainfmu.fmu.export import ExportOptions, export_estimator
 from strainfmu.interface.estimator_variables import estimator_interface
-from strainfmu.interface.filter_variables import FILTER_TIME_CONSTANT
 from strainfmu.interface.fmi_variables import value_references
 
 EVENTS = (

@@ -1,7 +1,7 @@
 """``modelDescription.xml`` of FMUs, for co-simulation and model exchange.
 
 FMI 3.0 has arrays or, for tools that take none, scalars alone. Sources: Functional Mock-up Interface for Model
-Exchange and Co-Simulation, version 2.0.5, sections 2.2 (definitions, model structure), 3.3 (model exchange) and 4.3
+Exchange and Co-Simulation, version 2.0.5, sections 2.2 (definitions, model structure), 3.3 (model exchange), 4.3
 (co-simulation); Functional Mock-up Interface Specification, version 3.0.2, sections 2.4 and 4.3.
 """
 

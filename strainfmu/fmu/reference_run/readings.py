@@ -17,7 +17,7 @@ from strainfmu.fmu.reference_run.flight_path import flight_path
 from strainfmu.fmu.reference_run.reference_flight import ReferenceFlight
 from strainfmu.fmu.reference_run.strains import flight_of_states
 from strainfmu.interface.parameter_variables import parameter_names, parameter_std_names
-from strainfmu.interface.temperature_variables import temperature_names
+from strainfmu.interface.sensor_variables import temperature_names
 
 FAULT_SIZE = 15.0
 """Error of the failing gauge, in standard deviations of its residual."""

@@ -29,9 +29,8 @@ from strainfmu.interface.fmi_variables import COEFFICIENTS, Variable
 from strainfmu.interface.health_names import CHI_SQUARE, STATE, SUSPECT_GAUGE
 from strainfmu.interface.input_names import FLOW_INPUTS
 from strainfmu.interface.parameter_variables import parameter_names, parameter_std_names
-from strainfmu.interface.sensor_variables import reading_names
-from strainfmu.interface.tare_variables import TARE_STATE
-from strainfmu.interface.temperature_variables import temperature_names
+from strainfmu.interface.sensor_variables import reading_names, temperature_names
+from strainfmu.interface.zero_variables import TARE_STATE
 
 STEP_SIZE = 0.25
 N_ROWS = 41

@@ -31,8 +31,7 @@ from strainfmu.interface.estimator_variables import (
 from strainfmu.interface.fmi_variables import UNITS, Variable, value_references
 from strainfmu.interface.listed_variables import most_important_first
 from strainfmu.interface.plant_variables import plant_interface
-from strainfmu.interface.tare_variables import zero_in_use_names
-from strainfmu.interface.zero_variables import zero_names
+from strainfmu.interface.zero_variables import zero_in_use_names, zero_names
 
 pytestmark = pytest.mark.fast
 

@@ -19,8 +19,7 @@ from strainfmu.estimator.gauge_zeros import GaugeZeros
 from strainfmu.estimator.map.inverse_map import load_inverse_map
 from strainfmu.estimator.tare import KnownStrain, TareState
 from strainfmu.fmu.export import export_estimator
-from strainfmu.interface.tare_variables import zero_in_use_names
-from strainfmu.interface.zero_variables import zero_names
+from strainfmu.interface.zero_variables import zero_in_use_names, zero_names
 
 pytestmark = pytest.mark.fast
 

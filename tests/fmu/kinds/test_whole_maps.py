@@ -21,10 +21,10 @@ from sensor_maps import ROWS
 from thermal_maps import with_temperature
 from whole_maps import MAPS, N_LINEAR, N_T, linear_with_everything
 
+from strainfmu.estimator.signal_names import FILTER_TIME_CONSTANT
 from strainfmu.fmu.checks.crosscheck import crosscheck
 from strainfmu.fmu.checks.integrity import damaged_entries
 from strainfmu.interface.estimator_variables import estimator_interface
-from strainfmu.interface.filter_variables import FILTER_TIME_CONSTANT
 from strainfmu.interface.sensor_variables import sensor_names
 
 pytestmark = pytest.mark.fast

@@ -25,10 +25,9 @@ from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.gauge_zeros import GaugeZeros
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.resource.map_file import white_noise
+from strainfmu.estimator.signal_names import FILTER_TIME_CONSTANT
 from strainfmu.interface.estimator_variables import NOT_KNOWN, estimator_interface, output_values
-from strainfmu.interface.filter_variables import FILTER_TIME_CONSTANT
-from strainfmu.interface.sensor_variables import reading_names
-from strainfmu.interface.temperature_variables import temperature_names
+from strainfmu.interface.sensor_variables import reading_names, temperature_names
 from strainfmu.interface.zero_variables import zero_names
 
 pytestmark = pytest.mark.fast

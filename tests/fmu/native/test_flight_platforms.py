@@ -16,9 +16,9 @@ from raw_fmu import N_OUTPUTS, write_resource
 from sensor_maps import with_sensors
 from thermal_maps import with_temperature
 
+from strainfmu.estimator.signal_names import FILTER_TIME_CONSTANT
 from strainfmu.fmu.native.build import library_file
 from strainfmu.interface.estimator_variables import estimator_interface
-from strainfmu.interface.filter_variables import FILTER_TIME_CONSTANT
 from strainfmu.interface.input_names import FLOW_INPUTS
 
 pytest.importorskip("ziglang", reason="needs zig: pip install 'strainfmu[native]'")

@@ -19,8 +19,8 @@ from strainfmu.estimator.air_inputs import AIR_DATA_NAMES
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.signal_names import FILTER_TIME_CONSTANT
 from strainfmu.interface.estimator_variables import estimator_arrays, estimator_interface, output_values
-from strainfmu.interface.filter_variables import FILTER_TIME_CONSTANT
 from strainfmu.interface.fmi_variables import value_references
 from strainfmu.interface.input_names import NOT_KNOWN
 

@@ -15,9 +15,9 @@ from raw_fmu import write_resource
 from scaled_maps import scaled_map, whole_scaled_map
 from thermal_maps import with_temperature
 
+from strainfmu.estimator.signal_names import FILTER_TIME_CONSTANT
 from strainfmu.fmu.native.build import library_file
 from strainfmu.interface.estimator_variables import estimator_interface
-from strainfmu.interface.filter_variables import FILTER_TIME_CONSTANT
 
 pytest.importorskip("ziglang", reason="needs zig: pip install 'strainfmu[native]'")
 pytestmark = [

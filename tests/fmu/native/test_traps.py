@@ -21,10 +21,10 @@ from thermal_maps import REFERENCE, with_temperature
 
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.signal_names import FILTER_TIME_CONSTANT
 from strainfmu.estimator.tare import TareState
 from strainfmu.fmu.native.build import library_file
 from strainfmu.interface.estimator_variables import estimator_interface
-from strainfmu.interface.filter_variables import FILTER_TIME_CONSTANT
 from strainfmu.interface.fmi_variables import Variable
 
 pytest.importorskip("ziglang", reason="needs zig: pip install 'strainfmu[native]'")

@@ -17,8 +17,8 @@ from warm_flights import warm_flight
 
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.signal_names import FILTER_TIME_CONSTANT
 from strainfmu.interface.estimator_variables import estimator_arrays, estimator_interface
-from strainfmu.interface.filter_variables import FILTER_TIME_CONSTANT
 
 pytestmark = pytest.mark.fast
 
