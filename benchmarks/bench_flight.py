@@ -13,8 +13,8 @@ from strainfmu.can.frame import Frame, protect
 from strainfmu.can.frame_layout import InputLayout
 from strainfmu.can.profiles import profile_layout
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.fmu.reference_run.flight_motion import flight_of_tables
 from strainfmu.fmu.reference_run.flight_path import flight_path
+from strainfmu.fmu.reference_run.reference_flight import flight_of_tables
 
 PROFILE = "fd64"
 

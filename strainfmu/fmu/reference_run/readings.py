@@ -12,10 +12,8 @@ from strainfmu.estimator.map.inverse_map import InverseMap, with_gauge_covarianc
 from strainfmu.estimator.map.nonlinear_map import with_known
 from strainfmu.estimator.map.validity import flow_parameters
 from strainfmu.estimator.reference.readings import amplitudes, row_noise
-from strainfmu.fmu.reference_run.flight_motion import flight_of_tables
 from strainfmu.fmu.reference_run.flight_path import flight_path
-from strainfmu.fmu.reference_run.reference_flight import ReferenceFlight
-from strainfmu.fmu.reference_run.strains import flight_of_states
+from strainfmu.fmu.reference_run.reference_flight import ReferenceFlight, flight_of_states, flight_of_tables
 from strainfmu.interface.parameter_variables import parameter_names, parameter_std_names
 from strainfmu.interface.sensor_variables import temperature_names
 

@@ -21,9 +21,16 @@ from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.flight_tables import LOG_PRESSURE, MACH, U, W
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.other_loads import FIVE_LOADS
-from strainfmu.fmu.reference_run.flight_motion import flight_states, free_precision
 from strainfmu.fmu.reference_run.flight_path import altitude_of, flight_path
 from strainfmu.fmu.reference_run.readings import failing_gauge, reference_readings
+from strainfmu.fmu.reference_run.reference_flight import (
+    error_covariance,
+    flight_of_states,
+    flight_states,
+    free_precision,
+    largest_states,
+    true_states,
+)
 from strainfmu.fmu.reference_run.run import (
     N_ROWS,
     ReferenceRun,
@@ -32,7 +39,6 @@ from strainfmu.fmu.reference_run.run import (
     reference_run,
     signal_table,
 )
-from strainfmu.fmu.reference_run.strains import error_covariance, flight_of_states, largest_states, true_states
 from strainfmu.interface.estimator_variables import estimator_interface
 from strainfmu.interface.fmi_variables import COEFFICIENTS
 
