@@ -37,7 +37,7 @@ from strainfmu.estimator.map.sensors import refuse_sensors
 from strainfmu.estimator.other_loads import FIVE_LOADS
 from strainfmu.estimator.reference.gain import load_gain
 from strainfmu.estimator.signal_names import STRAIN
-from strainfmu.fmu.checks.step_cost import slave_of, steps_2
+from strainfmu.fmu.checks.step_cost import slave_of, steps_of
 from strainfmu.fmu.export import export_estimator
 from strainfmu.fmu.python.package import imports_put_back
 from strainfmu.recorded.run import estimate_file
@@ -294,7 +294,7 @@ def _steps(case: _Case, stack: ExitStack) -> Iterator[PeerRow]:
 
     def ours() -> Callable[[], object]:
         export_estimator(case.path, case.folder / "estimator.fmu")
-        return steps_2(instance(case.folder / "estimator.fmu"), case.inverse_map)["FMPy, lists"]
+        return steps_of(instance(case.folder / "estimator.fmu"), case.inverse_map)["FMPy, lists"]
 
     def empty() -> Callable[[], object]:
         script = case.folder / "empty.py"

@@ -7,7 +7,7 @@ from math import radians
 from pathlib import Path
 
 from strainfmu.cosim.models.autopilot import AutopilotSettings
-from strainfmu.cosim.toml_table import TomlTable, read_toml
+from strainfmu.cosim.toml_table import TomlTable, read_table
 from strainfmu.flight_condition import ALTITUDE_COLUMN, ANGLE_COLUMN, MACH_COLUMN, SIDESLIP_COLUMN
 from strainfmu.interface.plant_variables import FlightStart, GaugeFault
 
@@ -79,7 +79,7 @@ def load_scenario(path: Path, folder: Path | None = None) -> Scenario:
     InputError
         The file is missing or no TOML, or an entry is missing, unknown or out of range.
     """
-    root = TomlTable(path, "", dict(read_toml(path)))
+    root = read_table(path)
     base = folder if folder is not None else path.parent
     files, flight, vehicle = root.table("files"), root.table("flight"), root.table("vehicle")
     stop_time = root.number("stop_time_s", None, 1e-3, 1e5)

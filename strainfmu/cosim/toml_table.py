@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from math import inf, isfinite
 from pathlib import Path
 from typing import Any
 
-from strainfmu import text_files
 from strainfmu.errors import InputError
+from strainfmu.text_files import read_toml
 
 
 @dataclass
@@ -71,12 +70,12 @@ class TomlTable:
             raise self.fault(key, "unknown entry")
 
 
-def read_toml(path: Path) -> Mapping[str, Any]:
-    """Return the entries of a TOML file.
+def read_table(path: Path) -> TomlTable:
+    """Return the table of a whole TOML file.
 
     Raises
     ------
     InputError
         The file is missing or no TOML.
     """
-    return text_files.read_toml(path)
+    return TomlTable(path, "", read_toml(path))

@@ -21,7 +21,7 @@ from typing import NamedTuple, get_args
 import numpy as np
 
 from strainfmu.arrays import FloatArray
-from strainfmu.cosim.toml_table import TomlTable, read_toml
+from strainfmu.cosim.toml_table import TomlTable, read_table
 from strainfmu.errors import InputError
 from strainfmu.estimator.signal_names import ZERO
 from strainfmu.interface.parameter_variables import PREFIX
@@ -155,7 +155,7 @@ def load_channels(path: Path) -> ChannelMap:
     InputError
         The file is missing or no TOML, or an entry is missing, unknown, out of range or against another one.
     """
-    root = TomlTable(path, "", dict(read_toml(path)))
+    root = read_table(path)
     time, join, defaults = root.table("time"), root.table("join"), root.table("defaults")
     for key in defaults.entries:
         if key not in _INHERITED:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from strainfmu.cosim.toml_table import TomlTable, read_toml
+from strainfmu.cosim.toml_table import read_table
 from strainfmu.errors import InputError
 from strainfmu.estimator.gauge_zeros import LARGEST_ZERO, GaugeZeros
 from strainfmu.estimator.tare import KnownStrain
@@ -67,7 +67,7 @@ def load_known_strain(path: Path, gauge_names: Sequence[str]) -> KnownStrain:
 
 def _read(path: Path, gauge_names: Sequence[str]) -> tuple[GaugeZeros, Mapping[str, object]]:
     """Return what the file holds, and its table ``[made_from]``."""
-    top = TomlTable(path, "", dict(read_toml(path)))
+    top = read_table(path)
     made_from = top.entries.pop("made_from", None)
     common = top.number("common_std_um_per_m", 0.0, 0.0, _LARGEST)
     gauges = top.table("gauges")

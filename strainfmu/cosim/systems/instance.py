@@ -65,6 +65,24 @@ def safe_temporary_parent(candidates: Sequence[Path] | None = None) -> Path:
     )
 
 
+def described(path: Path) -> Any:
+    """Return fmpy's ModelDescription of any FMU at ``path``.
+
+    Raises
+    ------
+    InputError
+        The FMU is missing, damaged or larger than FMUs are.
+    """
+    fmpy = import_fmpy()
+    if not path.is_file():
+        raise InputError(f"{path}: no such FMU")
+    check_unpacked_size(path)
+    try:
+        return fmpy.read_model_description(str(path), validate=False)
+    except Exception as error:  # fmpy raises whatever its zip and XML readers do
+        raise InputError(f"{path}: damaged, or not an FMU") from error
+
+
 def read_description(path: str | PathLike[str]) -> Any:
     """Return fmpy's ModelDescription of the FMU at ``path``.
 
@@ -73,15 +91,7 @@ def read_description(path: str | PathLike[str]) -> Any:
     InputError
         The FMU is missing, damaged, larger than FMUs are, or not of FMI 2.0 co-simulation.
     """
-    fmpy = import_fmpy()
-    path = Path(path)
-    if not path.is_file():
-        raise InputError(f"{path}: no such FMU")
-    check_unpacked_size(path)
-    try:
-        description = fmpy.read_model_description(str(path), validate=False)
-    except Exception as error:  # fmpy raises whatever its zip and XML readers do
-        raise InputError(f"{path}: damaged, or not an FMU") from error
+    description = described(Path(path))
     if description.fmiVersion != "2.0" or description.coSimulation is None:
         raise InputError(
             f"{path}: expected an FMU for FMI 2.0 co-simulation, got FMI {description.fmiVersion}; an estimator's "

@@ -7,8 +7,7 @@ import zipfile
 from pathlib import Path
 from typing import Any
 
-from strainfmu.archive import check_unpacked_size
-from strainfmu.cosim.systems.instance import import_fmpy
+from strainfmu.cosim.systems.instance import described
 from strainfmu.errors import InputError
 from strainfmu.interface.contents import CONTENTS
 
@@ -21,16 +20,12 @@ def read_fmu(path: Path) -> tuple[Any, dict[str, Any], dict[str, int]]:
     InputError
         The FMU is missing, damaged or larger than FMUs are.
     """
-    fmpy = import_fmpy()
-    if not path.is_file():
-        raise InputError(f"{path}: no such FMU")
-    check_unpacked_size(path)
+    description = described(path)
     try:
-        description = fmpy.read_model_description(str(path), validate=False)
         with zipfile.ZipFile(path) as archive:
             files = {item.filename: item.file_size for item in archive.infolist() if not item.is_dir()}
             contents = json.loads(archive.read(CONTENTS)) if CONTENTS in files else {}
-    except Exception as error:  # fmpy and zipfile raise whatever their readers do
+    except Exception as error:  # zipfile raises whatever its readers do
         raise InputError(f"{path}: damaged, or not an FMU") from error
     if not isinstance(contents, dict) or not isinstance(contents.get("validity", {}), dict):
         raise InputError(f"{path}: {CONTENTS}: damaged, expected the entries of an FMU of this program")

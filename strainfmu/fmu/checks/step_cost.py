@@ -71,8 +71,7 @@ def step_costs(map_path: Path, time_per_call: Callable[[Callable[[], object]], f
             unzipped = fmu.with_suffix("")
             import_fmpy().extract(str(fmu), str(unzipped))
             instance = slave_of(fmu, unzipped)
-            steps = steps_2 if options.fmi_version == "2" else _steps_3
-            for how, step in steps(instance, inverse_map).items():
+            for how, step in steps_of(instance, inverse_map).items():
                 costs[f"{name}, {how}"] = time_per_call(step)
             instance.terminate()
             instance.freeInstance()
@@ -121,47 +120,34 @@ def slave_of(fmu: Path, unzipped: Path) -> Any:
     return instance
 
 
-def steps_2(instance: Any, inverse_map: InverseMap) -> dict[str, Callable[[], object]]:
-    """Return the two ways to step an FMU of FMI 2.0."""
+def steps_of(instance: Any, inverse_map: InverseMap) -> dict[str, Callable[[], object]]:
+    """Return the two ways to step an FMU of either version, by :func:`slave_of`."""
     n, m = inverse_map.n_gauges, len(COEFFICIENT_NAMES)
-    inputs, outputs = list(range(_FIRST_STRAIN, _FIRST_STRAIN + n)), list(range(m))
-    values = inverse_map.mean_strain.tolist()
-    c_inputs, c_outputs = (ctypes.c_uint * n)(*inputs), (ctypes.c_uint * m)(*outputs)
+    values, dll, component = inverse_map.mean_strain.tolist(), instance.dll, instance.component
     strain, values_out = (ctypes.c_double * n)(*values), (ctypes.c_double * m)()
-    dll, component = instance.dll, instance.component
+    sizes: tuple[tuple[int, ...], tuple[int, ...]]
+    if hasattr(instance, "setFloat64"):  # FMI 3.0: strains and coefficients are an array each
+        flags, last = [ctypes.c_bool() for _ in range(3)], ctypes.c_double()
+        calls = dll.fmi3SetFloat64, dll.fmi3DoStep, dll.fmi3GetFloat64
+        going_on = (True, *(ctypes.byref(flag) for flag in flags), ctypes.byref(last))
+        inputs, outputs, sizes = [_FIRST_ARRAY], [0], ((n,), (m,))
+        put, take = instance.setFloat64, lambda references: instance.getFloat64(references, nValues=m)
+    else:
+        calls, going_on = (dll.fmi2SetReal, dll.fmi2DoStep, dll.fmi2GetReal), (1,)
+        inputs, outputs, sizes = [*range(_FIRST_STRAIN, _FIRST_STRAIN + n)], [*range(m)], ((), ())
+        put, take = instance.setReal, instance.getReal
+    c_inputs, c_outputs = ((ctypes.c_uint * len(places))(*places) for places in (inputs, outputs))
+    set_values, do_step, get_values = calls
 
     def with_lists() -> None:
-        instance.setReal(inputs, values)
+        put(inputs, values)
         instance.doStep(0.0, 1e-3)
-        instance.getReal(outputs)
+        take(outputs)
 
     def with_arrays() -> None:
-        dll.fmi2SetReal(component, c_inputs, n, strain)
-        dll.fmi2DoStep(component, 0.0, 1e-3, 1)
-        dll.fmi2GetReal(component, c_outputs, m, values_out)
-
-    return {"FMPy, lists": with_lists, "arrays made once": with_arrays}
-
-
-def _steps_3(instance: Any, inverse_map: InverseMap) -> dict[str, Callable[[], object]]:
-    """Return the two ways to step an FMU of FMI 3.0."""
-    n, m = inverse_map.n_gauges, len(COEFFICIENT_NAMES)
-    values = inverse_map.mean_strain.tolist()
-    c_input, c_output = (ctypes.c_uint * 1)(_FIRST_ARRAY), (ctypes.c_uint * 1)(0)
-    strain, values_out = (ctypes.c_double * n)(*values), (ctypes.c_double * m)()
-    flags, last = [ctypes.c_bool() for _ in range(3)], ctypes.c_double()
-    dll, component = instance.dll, instance.component
-    pointers = [*(ctypes.byref(flag) for flag in flags), ctypes.byref(last)]
-
-    def with_lists() -> None:
-        instance.setFloat64([_FIRST_ARRAY], values)
-        instance.doStep(0.0, 1e-3)
-        instance.getFloat64([0], nValues=m)
-
-    def with_arrays() -> None:
-        dll.fmi3SetFloat64(component, c_input, 1, strain, n)
-        dll.fmi3DoStep(component, 0.0, 1e-3, True, *pointers)
-        dll.fmi3GetFloat64(component, c_output, 1, values_out, m)
+        set_values(component, c_inputs, len(inputs), strain, *sizes[0])
+        do_step(component, 0.0, 1e-3, *going_on)
+        get_values(component, c_outputs, len(outputs), values_out, *sizes[1])
 
     return {"FMPy, lists": with_lists, "arrays made once": with_arrays}
 

@@ -10,15 +10,7 @@ from html import escape
 from importlib import resources
 
 from strainfmu.fmu.description.fmu_description import FmuDescription
-from strainfmu.interface.enumerations import (
-    HEALTH_ITEMS,
-    HEALTH_TYPE,
-    Q_SOURCE_ITEMS,
-    Q_SOURCE_TYPE,
-    TARE_ITEMS,
-    TARE_TYPE,
-    Items,
-)
+from strainfmu.interface.enumerations import HEALTH_TYPE, Q_SOURCE_TYPE, TARE_TYPE, Items, used_enumerations
 from strainfmu.interface.fmi_variables import Variable
 from strainfmu.pages import STYLE, table_html
 
@@ -127,18 +119,20 @@ def _start_text(variable: Variable) -> str:
     return str(start).lower() if isinstance(start, bool) else f"{start:g}"
 
 
+_ENUMERATIONS = {
+    HEALTH_TYPE: ("Health", "States of health"),
+    TARE_TYPE: ("Tare", "States of the tare"),
+    Q_SOURCE_TYPE: ("Source of the dynamic pressure", "Values of q_source"),
+}
+"""Heading and caption of each enumeration."""
+
+
 def _enumerations(fmu: FmuDescription) -> list[Section]:
     """Return tables of the enumerations in use."""
-    declared = {variable.declared_type for variable in fmu.interface}
-    known: dict[str, tuple[str, str, Items]] = {
-        HEALTH_TYPE: ("Health", "States of health", HEALTH_ITEMS),
-        TARE_TYPE: ("Tare", "States of the tare", TARE_ITEMS),
-        Q_SOURCE_TYPE: ("Source of the dynamic pressure", "Values of q_source", Q_SOURCE_ITEMS),
-    }
+    used = used_enumerations({variable.declared_type for variable in fmu.interface})
     return [
-        (heading, [_states_table(items, caption)])
-        for name, (heading, caption, items) in known.items()
-        if name in declared
+        (_ENUMERATIONS[name][0], [_states_table(items, _ENUMERATIONS[name][1])])
+        for name, (_, items) in used.items()
     ]
 
 
