@@ -155,7 +155,7 @@ class MapRecord:
     __repr__ = brief
 
     def sizes(self) -> Sizes:
-        """Return lengths that are not those of the first array with the symbol."""
+        """Return lengths that the first array with the symbol does not give."""
         return {}
 
     def contradictions(self) -> Iterator[str]:
