@@ -343,7 +343,7 @@ class InverseMap(MapRecord, where="inverse map"):
     def thermal_and_inertia(self) -> ThermalMap:
         """Modes of the wall's temperature, then modes of inertia and of vibration, with all that measures them.
 
-        Channels follow the temperatures as sensors, which read channels above the reference temperature. The gauges
+        Channels follow the temperatures as sensors, and read channels above the reference temperature. The gauges
         are no warmer by modes of inertia. Nothing measures vibration.
         """
         return self.thermal if self.inertia is None else with_inertia(self.thermal, self.inertia)
