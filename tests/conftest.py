@@ -54,7 +54,7 @@ FIRST = (
     "structure/test_structure_command.py",
     "structure/test_solid_model_maps.py",
     "docs/test_snippets.py",
-    "truth/test_honest_map.py",
+    "trial/test_run.py",
     "pipeline/test_used_files.py",
     "fmu/native/test_build_from_sources.py",
     "pipeline/test_building_interface.py",

@@ -5,8 +5,6 @@ from __future__ import annotations
 
 import csv
 import json
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from time import perf_counter
@@ -18,10 +16,9 @@ from fmpy.validation import validate_fmu
 from ogive import OGIVE
 from published_run import check_published_run
 
-import strainfmu
 from builder.calibration.ground_test.load_test_file import read_test_file
 from builder.campaign.snapshots import load_snapshots
-from builder.pipeline.demonstration.flight_scores import score_flight
+from builder.pipeline.demonstration.flight_scores import flown_estimators, score_flight
 from strainfmu.cosim.systems.recording import load_recording
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, load_inverse_map
 from strainfmu.linear.pressure_modes import proper_orthogonal_decomposition
@@ -71,6 +68,8 @@ def test_both_estimators_are_in_one_table_and_one_figure(ic3x_demo: Path) -> Non
     for name in ("angle_of_attack", "sideslip_angle"):
         assert flown["rms_error"][name] < np.radians(0.25)
         assert flown["coverage"][name] > 0.99
+    recording, made = load_recording(ic3x_demo / "flight.h5"), load_inverse_map(ic3x_demo / "map.h5")
+    assert list(flown_estimators(made.without_tables(), recording)) == ["linear"]
     assert (ic3x_demo / "estimators.png").stat().st_size > 10_000
     readme = (ic3x_demo / "README.txt").read_text(encoding="utf-8")
     assert "Linear and nonlinear estimator on the same strains" in readme
@@ -103,54 +102,24 @@ def test_it_names_every_file_and_a_second_run_reuses_them(ic3x_demo: Path, run: 
     assert (ic3x_demo / "README.txt").read_text(encoding="utf-8") == readme
 
 
-@pytest.mark.parametrize("name", ["estimator.fmu", "plant.fmu"])
-def test_fmus_are_valid_and_run_alone(ic3x_demo: Path, tmp_path: Path, name: str) -> None:
-    path, output = str(ic3x_demo / name), str(tmp_path / "result.csv")
-    assert validate_fmu(path) == []
-    called = [sys.executable, "-m", "fmpy", "simulate", path, "--stop-time", "1", "--output-file", output]
-    finished = subprocess.run(called, capture_output=True, text=True, check=False)
-    assert finished.returncode == 0, finished.stdout + finished.stderr
-    with Path(output).open(newline="") as stream:
-        rows = list(csv.DictReader(stream))
-    # Alone nothing sets the strains of the estimator: it has no loads, and says so.
-    assert all(np.isfinite(float(row["C_N"])) == (name == "plant.fmu") for row in rows)
-
-
-@pytest.mark.parametrize("demo", ["ic3x_demo", "ogive_demo"])
-def test_the_example_inside_the_fmu_shows_the_estimator_at_work(demo: str, request: pytest.FixtureRequest) -> None:
-    """Nonlinear, and linear: health, errors and text of what the FMU publishes.
-
-    The second waits for the demonstration of the coarse vehicle, which many files share.
-    """
-    check_published_run(request.getfixturevalue(demo) / "estimator.fmu", has_air_data=True)
-
-
-def test_two_vehicles_in_one_process_give_their_own_results(ic3x_demo: Path, ogive_demo: Path) -> None:
-    random, how = np.random.default_rng(3), {"stop_time": 0.1, "step_size": 0.1, "output_interval": 0.1}
-    for folder in (ic3x_demo, ogive_demo, ic3x_demo):
-        estimator = strainfmu.load(folder / "map.h5")
-        inverse_map = estimator.inverse_map
-        # At every roll angle the mean load is axial: the others come from what is added.
-        strain = 0.7 * inverse_map.mean_strain + 1e-6 * random.normal(size=inverse_map.n_gauges)
-        start = {f"strain[{i + 1}]": float(value) for i, value in enumerate(strain)}
-        start["dynamic_pressure"] = inverse_map.nominal_dynamic_pressure
-        result = simulate_fmu(str(folder / "estimator.fmu"), start_values=start, **how)
-        expected = estimator.estimate(strain, inverse_map.nominal_dynamic_pressure).coefficients
-        found = [result[name][-1] for name in COEFFICIENT_NAMES]
-        # Steps of the nonlinear estimator begin where the last one ended.
-        np.testing.assert_allclose(found, expected, rtol=1e-12 if inverse_map.manifold is None else 1e-6)
-
-
-def time_of_one_call(call: Callable[[], object], repeats: int = 1, calls: int = 1) -> float:
-    """The clock of ``strainfmu bench`` without its repetitions, which tests/cli/test_time_per_call.py counts."""
-    start = perf_counter()
-    call()
-    return perf_counter() - start
+def test_fmus_are_valid_and_run_alone(ic3x_demo: Path) -> None:
+    """Alone nothing sets the strains of the estimator: it has no loads, and says so. Its example does."""
+    for name in ("estimator.fmu", "plant.fmu"):
+        path = str(ic3x_demo / name)
+        assert validate_fmu(path) == []
+        assert np.isfinite(simulate_fmu(path, stop_time=1.0)["C_N"]).all() == (name == "plant.fmu")
+    check_published_run(ic3x_demo / "estimator.fmu", has_air_data=True)
 
 
 @pytest.mark.slow
 def test_the_bench_runs_on_the_result(ic3x_demo: Path, run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    """It takes seconds, as ``bench`` trains its rivals, if on a few flights alone."""
+    """Without its repetitions; it trains its rivals, if on a few flights alone."""
+
+    def time_of_one_call(call: Callable[[], object], repeats: int = 1, calls: int = 1) -> float:
+        start = perf_counter()
+        call()
+        return perf_counter() - start
+
     monkeypatch.setattr("strainfmu.cli.bench.time_per_call", time_of_one_call)
     monkeypatch.setattr("strainfmu.fmu.checks.step_cost.REPEATS", 3)
     monkeypatch.setattr("builder.trial.compared.COST_TRAINING", 60)
@@ -162,15 +131,11 @@ def test_the_bench_runs_on_the_result(ic3x_demo: Path, run: Run, monkeypatch: py
 @pytest.mark.slow
 def test_a_tested_vehicle_flies_as_one_that_is_known(tmp_path: Path, run: Run) -> None:
     """The calibrated map errs less than the drawing's and hardly more than the exact one, and its sigma holds."""
-    folder, command = (
-        tmp_path / "tested",
-        ("demo", "--vehicle", OGIVE, "--as-built", "3", "-o", tmp_path / "tested"),
-    )
+    folder = tmp_path / "tested"
+    command = ("demo", "--vehicle", OGIVE, "--as-built", "3", "-o", folder)
     code, said, _ = run(*command)
     assert code == 0
     assert "before and after the ground test" in said
-    files = "loadtest.csv", "channels.toml", "calibrated_zeros.toml", "calibrated.h5", "exact.h5", "as_built.png"
-    assert all((folder / name).is_file() for name in files)
     # The vehicle file states no density: a baseline without load stands in for own weight.
     assert [len(case.load) for case in read_test_file(folder / "loadtest.toml").case] == [0] + [1] * 12
     states = json.loads((folder / "summary.json").read_text(encoding="utf-8"))["as_built"]
@@ -181,6 +146,8 @@ def test_a_tested_vehicle_flies_as_one_that_is_known(tmp_path: Path, run: Run) -
     assert min(states["after"]["coverage"].values()) > 0.99
     code, said, _ = run(*command, "--verbose")
     assert code == 0
+    files = "loadtest.csv", "channels.toml", "calibrated_zeros.toml", "calibrated.h5", "exact.h5", "as_built.png"
+    assert all((folder / name).is_file() for name in files)
     assert "calibrated.h5: up to date, reused" in said
 
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import csv
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from coarse_vehicle import COARSE
 
 from builder.study import SCORES, TABLE, designs_of, flows_key, load_study, run_study, vehicle_of
 from builder.vehicle.file import IC3X
-from strainfmu.cli.main import main
 from strainfmu.errors import InputError
 
 SWEEP = '"structure.wall_thickness_mm" = [3.0, 4.0, 5.0]\n"map.estimator" = ["linear", "nonlinear"]\n'
@@ -90,75 +91,54 @@ def test_a_wrong_study_is_one_line(tmp_path: Path, sweep: str, more: str, text: 
     assert str(refused.value).startswith(str(path))
 
 
+ENTRIES = COARSE.model_dump().items()
+COARSE_LINES = [f'"resolution.{way}.{name}" = {value}' for way in ("map", "truth") for name, value in ENTRIES]
 FAST = """
 [set]
 "aerodynamics.engine" = "newtonian"
 "truth.engine" = "newtonian"
 "map.estimator" = "linear"
 "map.alarm_levels" = "nominal"
-"conditions.mach_number" = [5.0, 6.0, 7.0]
-"resolution.map.surface_stations" = 40
-"resolution.map.surface_roll_angles" = 24
-"resolution.map.harmonics" = 10
-"resolution.map.element_length_mm" = 40.0
-"resolution.map.wall_layers" = 1
-"resolution.truth.surface_stations" = 40
-"resolution.truth.surface_roll_angles" = 24
-"resolution.truth.harmonics" = 10
-"resolution.truth.element_length_mm" = 40.0
-"resolution.truth.wall_layers" = 1
+{}
 [trial]
 conditions = 20
 draws = 2
-"""
-NOISE_SWEEP = '"noise.percent_of_median_strain" = [1.0, 4.0]\n'
+""".format("\n".join(COARSE_LINES))
 
 
 @pytest.fixture(scope="module")
 def done(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """A study of noise, at Mach numbers of the vehicle and at some where it has no flows of the truth."""
     folder = tmp_path_factory.mktemp("study")
-    path = write(folder, NOISE_SWEEP, FAST)
-    run_study(path, folder / "out", workers=1)
+    sweep = '"conditions.mach_number" = [[5.0, 6.0, 7.0], [8.0, 9.0, 10.0]]\n'
+    path = write(folder, sweep + '"noise.percent_of_median_strain" = [1.0, 4.0]\n', FAST)
+    run_study(path, folder / "out", workers=2)
     return path, folder / "out"
 
 
-def rows(folder: Path, load: str) -> list[dict[str, str]]:
-    with (folder / TABLE).open(newline="") as file:
-        return [row for row in csv.DictReader(file) if row["load"] == load]
-
-
 def test_more_noise_errs_more_and_flows_are_solved_once(done: tuple[Path, Path]) -> None:
+    with (done[1] / TABLE).open(newline="") as file:
+        rows = list(csv.DictReader(file))
     for name in ("C_N", "C_Y", "M_P", "M_Y"):
-        quiet, noisy = rows(done[1], name)
+        quiet, noisy = (row for row in rows if row["load"] == name)
         assert [row["noise.percent_of_median_strain"] for row in (quiet, noisy)] == ["1", "4"]
         assert float(noisy["sigma"]) > float(quiet["sigma"]) > 0.0
         assert min(float(row["covered_percent"]) for row in (quiet, noisy)) > 95.0
     assert (quiet["samples"], quiet["vehicles"], quiet["flights"]) == ("40", "40", "20")
     folders = sorted(one.name for one in done[1].iterdir() if one.is_dir())
-    assert folders == ["design_0001", "design_0002", "flows_0001", SCORES]
+    assert folders == [*(f"design_000{k}" for k in range(1, 5)), "flows_0001", "flows_0002", SCORES]
     assert not list(done[1].glob("design_*/snapshots.h5"))
 
 
-def test_a_second_run_reuses_what_is_there(done: tuple[Path, Path]) -> None:
+def test_a_second_run_reuses_what_is_there_and_a_design_that_fails_leaves_the_others(
+    done: tuple[Path, Path], run: Callable[..., tuple[int, str, str]]
+) -> None:
     path, out = done
     before = {one: one.stat().st_mtime_ns for one in (out / SCORES).iterdir()}
     assert len(before) == 2
-    found = run_study(path, out, workers=2)
+    code, _, errors = run("study", path, "-o", out, "--workers", 1)
     assert {one: one.stat().st_mtime_ns for one in before} == before
-    assert found.faults == []
-    assert list(dict.fromkeys(row["design"] for row in found.rows)) == [1, 2]
-
-
-def test_a_design_that_fails_leaves_the_others(
-    done: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    # The flows of the truth end at M 7.
-    fast = FAST.replace('"conditions.mach_number" = [5.0, 6.0, 7.0]\n', "")
-    path = write(tmp_path, '"conditions.mach_number" = [[5.0, 6.0, 7.0], [8.0, 9.0, 10.0]]\n', fast)
-    with pytest.raises(SystemExit) as left:
-        main(["study", str(path), "-o", str(tmp_path / "out"), "--workers", "1"])
-    errors = capsys.readouterr().err.splitlines()
-    assert left.value.code == 1, errors
-    assert len(errors) == 1
-    assert errors[0].startswith("strainfmu: design_0002 (conditions.mach_number = [8.0, 9.0, 10.0]): ")
-    assert [row["design"] for row in rows(tmp_path / "out", "all")] == ["1"]
+    first, second = errors.splitlines()
+    assert code == 1
+    assert first.startswith("strainfmu: design_0003 (conditions.mach_number = [8.0, 9.0, 10.0], noise")
+    assert second.startswith("design_0004")

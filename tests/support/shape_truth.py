@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
-from shape_case import N_D, flown, shape_structure, shape_vehicle
+from shape_case import N_D, shape_structure
 
 from builder.aero.surface.mesh import SurfaceMesh
 from builder.structure.as_built.displaced_structure import WAYS
-from builder.truth.shape import ShapeFlights, ShapeStructure, shape_flights
-from strainfmu.flight_condition import FlightCondition
+from builder.truth.shape import ShapeStructure
 
 
 def beam(surface: SurfaceMesh) -> ShapeStructure:
@@ -24,9 +21,3 @@ def beam(surface: SurfaceMesh) -> ShapeStructure:
         operator=np.concatenate([z_p[None], share * z_p]),
         surface=surface,
     )
-
-
-def flights_at(conditions: Sequence[FlightCondition]) -> ShapeFlights:
-    """Return newtonian flights, on the surface of the map."""
-    flows = flown(conditions)
-    return shape_flights(shape_vehicle(), beam(flows.surface), flows)

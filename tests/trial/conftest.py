@@ -2,8 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 from coarse_vehicle import COARSE
+from deflected_shape import DEFLECTIONS, NAME, deflected, known_map
+from shape_case import flown as flown_shape
+from shape_case import shape_map, shape_vehicle
+from shape_truth import beam
 from trial_cases import other_world
 
 from builder.campaign.scheduling import Scheduling
@@ -12,30 +19,20 @@ from builder.inverse.build import build_inverse_map
 from builder.manifold.nonlinear_build import with_manifold
 from builder.pipeline.built_sensors import flown_sensors
 from builder.pipeline.stages import take_snapshots
+from builder.pipeline.trials import shape_conditions
 from builder.reporting import Silent
 from builder.structure.fourier.fourier_model import StructuralModel, structural_model
 from builder.trial import conditions
-from builder.trial.compared import knowing
+from builder.trial.cases import cases_for, load_trial, trial_path
 from builder.trial.flows import stress_flows
 from builder.trial.readings import World
 from builder.truth.revolution.flow_table import FlowTable
 from builder.truth.revolution.strain import TrueStructure, true_structure
+from builder.vehicle.conditions.flight_conditions import FlowParameter
 from builder.vehicle.file import Vehicle
 from builder.vehicle.gauges.sensor_entries import InertialUnit, Ports, Sensors
 from builder.vehicle.structure.section import Mass
 from strainfmu.estimator.map.inverse_map import InverseMap
-
-
-@pytest.fixture(scope="session")
-def noise_only(vehicle: Vehicle) -> Vehicle:
-    """The coarse vehicle with a map that knows of gauge noise alone."""
-    return knowing(vehicle, is_exact=True, case=2)
-
-
-@pytest.fixture(scope="session")
-def noise_map(noise_only: Vehicle, snapshots: Snapshots, structure: StructuralModel) -> InverseMap:
-    """The map of Case 2 for gauge noise."""
-    return build_inverse_map(noise_only, snapshots, structure)
 
 
 @pytest.fixture(scope="session")
@@ -103,3 +100,27 @@ def heavy_world(world: World, flown_snapshots: Snapshots) -> World:
     vehicle = world.vehicle.model_copy(update={"mass": Mass(unlisted_kg=1.0)})
     made = linear_map(vehicle, flown_snapshots)
     return other_world(world, vehicle=vehicle, inverse_map=made, conditions=40)
+
+
+@pytest.fixture(scope="session")
+def shape_world() -> World:
+    """The elliptic cone, its structure a closed form."""
+    vehicle = shape_vehicle()
+    flows = flown_shape(shape_conditions(vehicle, cases_for(vehicle, load_trial(trial_path("stress"))), 24, 1))
+    structure = beam(flows.surface)
+    return World(vehicle=vehicle, structure=structure, flows=flows, inverse_map=shape_map(), conditions=24)
+
+
+@pytest.fixture(scope="session")
+def deflected_world() -> World:
+    """The same with a flow parameter, whose value is known."""
+    vehicle = shape_vehicle()
+    parameters = {NAME: FlowParameter(values=list(DEFLECTIONS))}
+    entry = vehicle.conditions.model_copy(update={"parameters": parameters})
+    table = vehicle.aerodynamics.model_copy(update={"engine": "table", "manifest": "f.toml"})
+    vehicle = vehicle.model_copy(update={"conditions": entry, "aerodynamics": table})
+    drawn = conditions.flown_conditions(conditions.Where(), vehicle, None, 20, np.random.default_rng(1))
+    at_rest = flown_shape([replace(one, parameters=()) for one in drawn])
+    flows = deflected(at_rest, np.array([one.parameters[0] for one in drawn]))
+    structure = beam(flows.surface)
+    return World(vehicle=vehicle, structure=structure, flows=flows, inverse_map=known_map(), conditions=20)

@@ -1,5 +1,5 @@
-"""Trials on a coarse vehicle: verdicts that hold, limits that are known, both plans, sensors, masses, heat, lost
-gauges."""
+"""Trials of coarse vehicles and of the shipped one: verdicts that hold, limits that are known, coverage at every
+altitude, both plans, sensors, masses, heat, lost gauges."""
 
 from __future__ import annotations
 
@@ -16,17 +16,19 @@ from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
 from builder.manifold.nonlinear_build import with_manifold
 from builder.pipeline.chosen_estimator import Estimators
-from builder.pipeline.trials import check_fit, of_map, run_trial, world_of
+from builder.pipeline.trials import check_fit, of_map, run_trial
 from builder.structure.fourier.fourier_model import structural_model
-from builder.trial.cases import Case, Plan, cases_for, load_trial, trial_path
-from builder.trial.faults import AtEnd, Heating, Lost, NoSuchGaugesError, gauge_rows, heated, standard_temperature
+from builder.trial.cases import Built, Case, Plan, cases_for, load_trial, trial_path
+from builder.trial.conditions import Where
+from builder.trial.faults import standard_temperature
 from builder.trial.readings import World, joined, read_case
-from builder.trial.run import Task as RunTask
-from builder.trial.run import readings_of, run_task, scored
+from builder.trial.run import readings_of, scored
 from builder.trial.score import ALL, MISSED, Row
-from builder.truth.revolution.flow_table import FlowTable
-from builder.vehicle.file import IC3X, Vehicle, load_vehicle
+from builder.truth.revolution.flow_table import FlowTable, load_flow_table
+from builder.truth.revolution.strain import TrueStructure
+from builder.vehicle.file import IC3X, load_vehicle
 from strainfmu.errors import FlowReachError, InputError
+from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY
 from strainfmu.estimator.map.inverse_map import load_inverse_map
 
 PLAN = Plan(conditions=50, vehicles=6)
@@ -57,6 +59,7 @@ MASSES = (
         ("world", "roll of the layout", "+1 deg", 0.0),
         ("world", "altitude", "25 km", 0.0),
         ("world", "angles mirrored", "the other sign of one or both", 0.0),
+        ("full_world", "angles mirrored", "the other sign of one or both", 0.0),
         ("world", "dynamic pressure", "+10 %", 100.0),
         ("world", "incidence beyond its largest", "+20 %", 0.0),
         ("world", "Mach number below its least", "-20 %", 0.0),
@@ -72,6 +75,16 @@ MASSES = (
         ("sensed_world", "bias of one auxiliary sensor", "", 20.0),
         ("sensed_world", "one auxiliary sensor frozen", "", 40.0),
         *(("heavy_world", error, "", 0.0) for error in MASSES),
+        ("shape_world", "nothing wrong", "vehicle of the file", 0.0),
+        ("shape_world", "altitude", "25 km", 0.0),
+        ("shape_world", "angle near its largest", "70 to 100 % of it", 0.0),
+        ("shape_world", "angle beyond its largest", "+20 %", 0.0),
+        ("shape_world", "Mach number below its least", "-20 %", 0.0),
+        ("shape_world", "Mach number beyond its largest", "+20 %", 0.0),
+        ("shape_world", "bias of one gauge", "+50 um/m", 0.0),
+        ("deflected_world", "flow parameters known", "as stated", 0.0),
+        ("deflected_world", "flow parameters known", "wrong by 5 sigma", 40.0),
+        ("deflected_world", "filter over time, flow parameters known", "wrong by 5 sigma", 0.0),
     ],
 )
 def test_nothing_is_missed(
@@ -86,23 +99,28 @@ def test_nothing_is_missed(
     if fixture == "heavy_world":
         assert every["class"] == "alone"
         assert ("DEGRADED" in every["health"]) == (error == "vibration, stated")
+    if fixture == "shape_world":  # a quarter of the conditions beyond, four times as many vehicles
+        assert every["samples"] == 24 * 6
 
 
-@pytest.mark.parametrize("fixture", ["world", "sensed_world"])
+@pytest.mark.parametrize("fixture", ["world", "sensed_world", "shape_world"])
 def test_what_is_lost_widens_sigma_and_is_no_flag(fixture: str, request: pytest.FixtureRequest) -> None:
-    errors = ["three gauges lost", "one auxiliary sensor lost"][: 2 if fixture == "sensed_world" else 1]
-    for error in errors:
+    for error in ["three gauges lost", "one auxiliary sensor lost"][: 2 if fixture == "sensed_world" else 1]:
         every = rows_for(request.getfixturevalue(fixture), error)[0]
         assert (every["health"], every["flagged_percent"]) == ("DEGRADED 100", 0.0)
         assert every["undetected_percent"] < 3.0
 
 
-def test_what_no_strain_shows_is_silent(world: World) -> None:
-    """A tenth too much q_inf without navigation; inertia that the map does not include."""
+def test_what_no_strain_shows_is_silent_and_another_theory_is_noticed(world: World, shape_world: World) -> None:
+    """A tenth too much q_inf without navigation; inertia that the map does not include; more pressure windward."""
     without = rows_for(world, "dynamic pressure, no navigation")[0]
     assert (without["class"], without["verdict"], without["why"]) == ("unobservable", "-", "")
     assert without["undetected_percent"] > 20.0
     assert rows_for(world, MASSES[0])[0]["undetected_percent"] > 20.0
+    assert rows_for(shape_world, "nothing wrong")[0]["flagged_percent"] < 5.0
+    bump = rows_for(shape_world, "local pressure, windward", "+100 % of p_inf")[0]
+    assert bump["flagged_percent"] > 15.0
+    assert bump["wrong_flagged_percent"] + bump["undetected_percent"] > 50.0
 
 
 def test_flights_that_the_flows_do_not_reach_are_refused(world: World, flow_beyond: FlowTable) -> None:
@@ -154,20 +172,6 @@ def test_a_filter_gains_in_steady_flight_and_loses_nothing_in_turns(world: World
     assert single[0]["samples"] == 800
 
 
-def test_the_tables_of_a_map_are_as_good_at_small_incidence(ic3x_demo: Path) -> None:
-    """Of the shipped vehicle, 2,000 samples in a band: loads within 0.6 of those of the map's linear one."""
-    vehicle = of_map(load_vehicle(IC3X), load_inverse_map(ic3x_demo / "map.h5"))
-    world = world_of(vehicle, ic3x_demo / "map.h5", ic3x_demo / "independent_flows.h5", None, 1, 1)
-    plan = Plan(vehicles=10, estimators=["linear", "nonlinear"])
-    for size in ("0 to 0.25 deg", "0.5 to 1 deg"):
-        case = case_of(world.vehicle, "incidence", size, "incidence")
-        linear, nonlinear = scored(other_world(world, conditions=200), case, plan).values()
-        for of_linear, row in zip(linear[1:], nonlinear[1:], strict=True):
-            assert row["rms"] <= 0.6 * of_linear["rms"]
-            assert row["covered_percent"] > 99.0
-            assert row["rms_z"] < 1.07
-
-
 def test_the_inertial_unit_sharpens(heavy_world: World) -> None:
     without, measured = (rows_for(heavy_world, error)[2] for error in MASSES[:2])
     assert without["load"] == measured["load"] == "C_N"
@@ -179,7 +183,7 @@ def test_the_inertial_unit_sharpens(heavy_world: World) -> None:
     assert lateral == pytest.approx(5.0 * 9.80665, abs=0.6)
 
 
-def test_maps_and_estimators_that_do_not_fit_are_refused(
+def test_maps_and_estimators_that_do_not_fit_are_refused_and_the_envelope_is_that_of_the_map(
     world: World, sensed_world: World, heavy_world: World
 ) -> None:
     path, names = Path("map.h5"), tuple(f"other {name}" for name in world.inverse_map.gauge_names)
@@ -202,41 +206,14 @@ def test_maps_and_estimators_that_do_not_fit_are_refused(
     for name, message in (("nonlinear", "expected a map with tables"), ("other", "expected 'map', 'linear'")):
         with pytest.raises(InputError, match=f"^estimators: .*{message}"):
             scored(world, case, Plan(estimators=[name]))
-
-
-def test_the_envelope_is_that_of_the_map(world: World, vehicle: Vehicle) -> None:
-    """A vehicle file with other conditions: those of the map count."""
     listed = {"mach_number": [2.0], "altitude_km": 5.0}
-    changed = vehicle.model_copy(update={"conditions": vehicle.conditions.model_copy(update=listed)})
-    found = of_map(changed, world.inverse_map).conditions
-    assert found.mach_number == [5.0, 7.0]
+    other = world.vehicle.model_copy(update={"conditions": world.vehicle.conditions.model_copy(update=listed)})
+    found = of_map(other, world.inverse_map).conditions
+    assert (found.mach_number, found.altitudes_km) == ([5.0, 7.0], [20.0])
     assert found.angle_of_attack_deg == pytest.approx([0.0, 10.0])
-    assert found.altitudes_km == [20.0]
 
 
-def test_a_heated_gauge_reads_what_its_data_sheet_says() -> None:
-    """Thermal strain and apparent strain c1 T + c2 T^2 add to the strain over a softer wall, times the factor."""
-    entry = standard_temperature(3.6)
-    rise, at_sensors, thermal = np.array([100.0, 50.0]), np.arange(8.0), np.array([3e-5, -1e-5])
-    random, again = np.random.default_rng(1), np.random.default_rng(1)
-    cold, scatter = np.full((5, 2), 1e-4), np.array([[1.0, -2.0]])
-    hot, measured = heated(entry, AtEnd(thermal, rise, at_sensors), cold, scatter, random)
-    time = again.uniform(0.0, 1.0, (5, 1))
-    warm = time * rise
-    sheet = 1e-6 * (0.05 * warm - 0.002 * warm**2 + 0.01 * scatter * warm)
-    expected = (1.0 - 1e-4 * warm) * (cold / (1.0 - 4.5e-4 * warm) + time * thermal + sheet)
-    np.testing.assert_allclose(hot, expected)
-    np.testing.assert_allclose(measured - 293.15 - time * at_sensors, again.standard_normal((5, 8)), atol=1e-9)
-
-
-def test_a_side_is_warmer_and_a_map_without_temperature_flies_the_standard_wall(world: World) -> None:
-    length = world.vehicle.body().length
-    vehicle = world.vehicle.model_copy(update={"temperature": standard_temperature(length)})
-    even, side = (
-        Heating(nose_K=80.0, aft_K=10.0, side_percent=percent).at_end(vehicle).rise for percent in (0.0, 10.0)
-    )
-    np.testing.assert_allclose(even, 80.0 - 70.0 * world.gauges.station / length, atol=1e-9)
-    np.testing.assert_allclose(side - even, 0.1 * even * np.cos(world.gauges.roll_angle - 0.7), atol=1e-9)
+def test_a_map_without_temperature_flies_the_standard_wall(world: World) -> None:
     (cold, warm) = cases_for(world.vehicle, load_trial(trial_path("heating")))
     assert [cold.group, warm.group] == ["alone", "beyond"]
     of_cold, of_warm = (scored(world, case, Plan(vehicles=1))["map"] for case in (cold, warm))
@@ -264,45 +241,21 @@ def test_a_wall_that_warms_costs_little(world: World, flown_snapshots: Snapshots
             assert every["verdict"] != MISSED
 
 
-TARGET = 99.0
+TARGET, SIZES = 99.0, ["two rows", "three rows", "one direction", "a direction and a row"]
 
 
-@pytest.fixture(scope="module")
-def mapped(full_world: World) -> World:
-    return other_world(full_world, conditions=150, seed=3)
-
-
-def sets_of(world: World, **lost: object) -> list[np.ndarray]:
-    return list(Lost.model_validate(lost).in_use(world.inverse_map, np.random.default_rng(0)).values())
-
-
-def test_the_sets_of_the_shipped_layout(world: World) -> None:
-    """Four rows, of which 14 sets may be lost, two directions, and what is drawn; without such gauges none."""
-    roll, axial = gauge_rows(world.inverse_map)
-    assert sorted({float(angle) for angle in roll}) == [0.0, 90.0, 180.0, 270.0]
-    assert axial.sum() == 36
-    assert [len(sets_of(world, gauges="rows", count=count)) for count in (1, 2, 3)] == [4, 6, 4]
-    np.testing.assert_array_equal(sets_of(world, gauges="direction"), [axial, ~axial])
-    for gauges in ("direction of a row", "direction and row"):
-        assert all(0 < used.sum() < len(axial) for used in sets_of(world, gauges=gauges))
-    assert [int(used.sum()) for used in sets_of(world, gauges="all but", count=3, sets=4)] == [3, 3, 3, 3]
-    assert [int(used.sum()) for used in sets_of(world, gauges="all but", count=0, sets=1)] == [len(axial) // 2]
-    lost = {"gauges": "rows", "count": 4}
-    with pytest.raises(NoSuchGaugesError, match="no such gauges to lose among 54 in 4 rows"):
-        sets_of(world, **lost)
-    case = Case.model_validate({"error": "lost gauges", "size": "all", "class": "beyond", "lost": lost})
-    _, text = run_task(RunTask(key="", world="lost", case=case, plan=Plan(vehicles=1), make_world=lambda: world))
-    assert text == "no such gauges to lose among 54 in 4 rows"
-
-
-SIZES = ["two rows", "three rows", "one direction", "a direction and a row"]
-
-
-@pytest.mark.parametrize("size", sweep(SIZES, SIZES[1:3]))
-def test_rows_and_directions_lost(mapped: World, size: str) -> None:
+@pytest.mark.parametrize("size", sweep([*SIZES, "all but 10, drawn"], [*SIZES[1:3], "all but 10, drawn"]))
+def test_rows_and_directions_lost(full_world: World, size: str) -> None:
     """Without mirror images 66 % of the samples of opposite rows lost, and of all axial gauges, are inside."""
-    case = case_of(mapped.vehicle, "lost gauges", size, "lost_gauges")
-    rows = scored(mapped, case, Plan(vehicles=2, estimators=["nonlinear", "linear"]))
+    mapped = other_world(full_world, conditions=150, seed=3)
+    case, plan = case_of(mapped.vehicle, "lost gauges", size, "lost_gauges"), Plan(vehicles=2)
+    assert case.lost is not None
+    if case.lost.samples:  # sets that are drawn have the next samples
+        few = case.model_copy(update={"lost": case.lost.model_copy(update={"sets": 4, "samples": 100})})
+        every = scored(mapped, few, plan.model_copy(update={"estimators": ["linear"]}))["linear"][0]
+        assert (every["samples"], every["sets"], every["vehicles"]) == (400, 4, 300)
+        return
+    rows = scored(mapped, case, plan.model_copy(update={"estimators": ["nonlinear", "linear"]}))
     every, *loads = rows["nonlinear"]
     assert every["samples"] == 300 * every["sets"]
     assert every["no_estimate_percent"] == 0.0
@@ -314,12 +267,47 @@ def test_rows_and_directions_lost(mapped: World, size: str) -> None:
         assert linear["no_estimate_percent"] == 100.0
 
 
-def test_sets_that_are_drawn_have_the_next_samples(mapped: World) -> None:
-    case = case_of(mapped.vehicle, "lost gauges", "all but 10, drawn", "lost_gauges")
-    assert case.lost is not None
-    few = case.model_copy(update={"lost": case.lost.model_copy(update={"sets": 4, "samples": 100})})
-    every = scored(mapped, few, Plan(vehicles=2, estimators=["linear"]))["linear"][0]
-    assert (every["samples"], every["sets"], every["vehicles"]) == (400, 4, 300)
+@pytest.fixture(scope="module")
+def shipped(ic3x_demo: Path, ic3x_truth: TrueStructure) -> World:
+    """The shipped vehicle with the map of both estimators."""
+    made = load_inverse_map(ic3x_demo / "map.h5")
+    vehicle, flows = of_map(load_vehicle(IC3X), made), load_flow_table(ic3x_demo / "independent_flows.h5")
+    return World(vehicle=vehicle, structure=ic3x_truth, flows=flows, inverse_map=made, seed=3)
+
+
+@pytest.mark.parametrize("kind", ["linear", pytest.param("nonlinear", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("altitude_km", [12.0, 15.0, 20.0, 25.0, 30.0])
+def test_three_sigma_cover_the_truth_at_every_altitude(altitude_km: float, kind: str, shipped: World) -> None:
+    """A map of 20 km at 200 conditions: hardware errors drawn for 8 vehicles each, and exactly known ones."""
+    for vehicles, stated in ((8, 1.0), (5, 0.0)):
+        where, built = Where(altitude_km=altitude_km), Built(stated=stated)
+        case = Case(error="as built", group="alone", where=where, as_built=built)
+        every, *loads = scored(shipped, case, Plan(vehicles=vehicles, estimators=[kind]))[kind]
+        assert min(row["covered_percent"] for row in loads) >= 99.0
+        assert health_of(every).get("OUTSIDE", 0.0) <= 0.1
+        assert every["undetected_percent"] <= 3.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("estimator", ["linear", "nonlinear stepping"])
+def test_false_alarms_are_as_stated(estimator: str, shipped: World) -> None:
+    """1e6 samples, every one of a vehicle of its own, seeds that the levels were not set with: a factor 2."""
+    many = other_world(shipped, conditions=10_000, seed=2)
+    plan = Plan(vehicles=100, estimators=[estimator])
+    rate = 0.01 * rows_for(many, "false alarms", trial="false_alarms", plan=plan)[0]["alarm_percent"]
+    assert 0.5 * FALSE_ALARM_PROBABILITY <= rate <= 2.0 * FALSE_ALARM_PROBABILITY
+
+
+def test_the_tables_of_a_map_are_as_good_at_small_incidence(shipped: World) -> None:
+    """Of the shipped vehicle, 2,000 samples in a band: loads within 0.6 of those of the map's linear one."""
+    plan = Plan(vehicles=10, estimators=["linear", "nonlinear"])
+    for size in ("0 to 0.25 deg", "0.5 to 1 deg"):
+        case = case_of(shipped.vehicle, "incidence", size, "incidence")
+        linear, nonlinear = scored(other_world(shipped, seed=1), case, plan).values()
+        for of_linear, row in zip(linear[1:], nonlinear[1:], strict=True):
+            assert row["rms"] <= 0.6 * of_linear["rms"]
+            assert row["covered_percent"] > 99.0
+            assert row["rms_z"] < 1.07
 
 
 MOST_UNDETECTED = {
@@ -336,9 +324,8 @@ MOST_UNDETECTED = {
     ("vortex pair, leeward", "-30 % of p_inf at 0.5 L"): 30.0,
     ("vortex pair, leeward", "-30 % of p_inf at 0.6 L"): 17.0,
 }
-"""Cases beyond of the linear map with more than 5 % undetected samples, and how many at most [%]. Measured: 10.4,
-17.4, 21.9, 59.3, 55.6, 5.6, 31.9 and 14.6; of the vortex pairs 5.2, 7.1, 25.3 and 14.3. The states of the map fit
-their strain within the stated errors of the hardware."""
+"""Cases beyond of the linear map with more than 5 % undetected samples, and how many at most [%]: a seventh more
+than measured. The states of the map fit their strain within the stated errors of the hardware."""
 
 KNOWN = {"linear": {("all_stated", "")}}
 """Cases that are missed by an estimator: sigma of the linear map includes no pressure between its snapshots."""
@@ -356,4 +343,3 @@ def test_what_the_shipped_vehicle_misses(estimator: Estimators | None, tmp_path:
     assert missed <= known.keys() | KNOWN.get(estimator or "", set()), [rows[name]["why"] for name in missed]
     for name, largest in known.items():
         assert rows[name]["undetected_percent"] <= largest
-    assert all(row["undetected_percent"] <= 3.0 for row in rows.values() if row["class"] == "alone")

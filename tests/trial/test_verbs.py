@@ -1,30 +1,54 @@
-"""What a case does: faults of readings, motion, friction and other pressure, beside closed forms."""
+"""What a case does: where it is flown, motion, faults of readings, heat, friction and other pressure, beside
+closed forms."""
 
 from __future__ import annotations
 
-from math import degrees, radians
+from math import radians
 from typing import Any
 
 import numpy as np
 import pytest
+from shape_case import flown as solved
+from shape_case import shape_vehicle
 from trial_cases import case_of, other_world
 
 from builder.aero.engines.local_inclination import largest_pressure_coefficient
+from builder.pipeline.measured_levels import level_conditions
+from builder.pipeline.trials import shape_conditions
+from builder.trial.cases import Case, Plan, cases_for, load_trial, trial_path
 from builder.trial.conditions import (
+    FEWER_BEYOND,
     RISE,
     Motion,
     Where,
+    edges_of,
     envelope_incidence,
     flown_conditions,
     held_out_conditions,
     stress_knots,
 )
-from builder.trial.faults import AddedStrain, Fault, Gauges
-from builder.trial.flows import Flow, solved_knots
+from builder.trial.faults import (
+    AddedStrain,
+    AtEnd,
+    Fault,
+    Gauges,
+    Heating,
+    Lost,
+    NoSuchGaugesError,
+    gauge_rows,
+    heated,
+    standard_temperature,
+)
+from builder.trial.flows import Flow, Spot, solved_knots
 from builder.trial.readings import World, read_motion
+from builder.trial.run import Task, run_task
 from builder.truth.revolution.flow_table import FlowTable, truth_surface
 from builder.truth.revolution.strain import TrueStructure
-from builder.vehicle.file import IC3X, Vehicle, load_vehicle
+from builder.truth.shape import at_conditions
+from builder.vehicle.file import IC3X, VEHICLES, Vehicle, load_vehicle
+from strainfmu.atmosphere import pressure_and_temperature
+from strainfmu.errors import FlowReachError
+from strainfmu.flight_condition import FlightCondition
 
 N = 8
 GAUGES = Gauges(
@@ -80,23 +104,47 @@ def test_readings_of_another_source() -> None:
     assert moved.tolist() == [False, False, True, True, False, False, True, True]
 
 
-@pytest.mark.fast
-def test_the_knots_go_beyond_the_envelope() -> None:
-    mach, incidence = stress_knots(load_vehicle(IC3X))
-    assert (mach[0], mach[-1]) == pytest.approx((0.78 * 5.0, 1.22 * 7.0))
-    largest = np.arccos(np.cos(radians(10.0)) ** 2)
-    assert degrees(incidence[-1]) == pytest.approx(1.3 * degrees(largest))
-    solved = np.ones((4, 5), dtype=bool)
-    solved[0, 1:] = solved[1, 4] = False
-    rows, columns = solved_knots(solved)
-    assert rows.tolist() == [False, True, True, True]
-    assert columns.tolist() == [True, True, True, True, False]
-    solved[2, 2] = False
-    rows, columns = solved_knots(solved)
-    assert solved[np.ix_(rows, columns)].all()
-    assert rows.sum() >= 2
-    rows, columns = solved_knots(np.zeros((2, 2), dtype=bool))
-    assert rows.sum() * columns.sum() == 0
+def test_the_sets_of_the_shipped_layout(world: World) -> None:
+    """Four rows, of which 14 sets may be lost, two directions, and what is drawn; without such gauges none."""
+
+    def sets_of(**lost: Any) -> list[np.ndarray]:
+        return list(Lost(**lost).in_use(world.inverse_map, np.random.default_rng(0)).values())
+
+    roll, axial = gauge_rows(world.inverse_map)
+    assert sorted({float(angle) for angle in roll}) == [0.0, 90.0, 180.0, 270.0]
+    assert axial.sum() == 36
+    assert [len(sets_of(gauges="rows", count=count)) for count in (1, 2, 3)] == [4, 6, 4]
+    np.testing.assert_array_equal(sets_of(gauges="direction"), [axial, ~axial])
+    for gauges in ("direction of a row", "direction and row"):
+        assert all(0 < used.sum() < len(axial) for used in sets_of(gauges=gauges))
+    assert [int(used.sum()) for used in sets_of(gauges="all but", count=3, sets=4)] == [3, 3, 3, 3]
+    assert [int(used.sum()) for used in sets_of(gauges="all but", count=0, sets=1)] == [len(axial) // 2]
+    lost, line = {"gauges": "rows", "count": 4}, "no such gauges to lose among 54 in 4 rows"
+    with pytest.raises(NoSuchGaugesError, match=line):
+        sets_of(**lost)
+    case = Case.model_validate({"error": "lost gauges", "size": "all", "class": "beyond", "lost": lost})
+    assert run_task(Task(key="", world="lost", case=case, plan=Plan(), make_world=lambda: world))[1] == line
+
+
+def test_a_heated_gauge_reads_what_its_data_sheet_says_and_a_side_is_warmer(world: World) -> None:
+    """Thermal strain and apparent strain c1 T + c2 T^2 add to the strain over a softer wall, times the factor."""
+    entry = standard_temperature(3.6)
+    rise, at_sensors, thermal = np.array([100.0, 50.0]), np.arange(8.0), np.array([3e-5, -1e-5])
+    random, again = np.random.default_rng(1), np.random.default_rng(1)
+    cold, scatter = np.full((5, 2), 1e-4), np.array([[1.0, -2.0]])
+    hot, measured = heated(entry, AtEnd(thermal, rise, at_sensors), cold, scatter, random)
+    time = again.uniform(0.0, 1.0, (5, 1))
+    warm = time * rise
+    sheet = 1e-6 * (0.05 * warm - 0.002 * warm**2 + 0.01 * scatter * warm)
+    expected = (1.0 - 1e-4 * warm) * (cold / (1.0 - 4.5e-4 * warm) + time * thermal + sheet)
+    np.testing.assert_allclose(hot, expected)
+    np.testing.assert_allclose(measured - 293.15 - time * at_sensors, again.standard_normal((5, 8)), atol=1e-9)
+    length, gauges = world.vehicle.body().length, world.gauges
+    even, side = (
+        Heating(nose_K=80.0, aft_K=10.0, side_percent=percent).at_end(world.vehicle).rise for percent in (0, 10)
+    )
+    np.testing.assert_allclose(even, 80.0 - 70.0 * gauges.station / length, atol=1e-9)
+    np.testing.assert_allclose(side - even, 0.1 * even * np.cos(gauges.roll_angle - 0.7), atol=1e-9)
 
 
 def test_motion_has_its_rate_and_size(flown: Vehicle) -> None:
@@ -138,19 +186,6 @@ def test_rows_and_all_strain_get_lost_and_air_data_drift(world: World) -> None:
         np.testing.assert_allclose(drift, rate * 0.01 * np.arange(600), atol=1e-9)
 
 
-def test_even_pressure_pushes_on_the_base_area(world: World, flying: TrueStructure) -> None:
-    case = case_of(world.vehicle, "viscous pressure")
-    assert case.flow is not None
-    assert isinstance(world.flows, FlowTable)
-    raised = case.flow.table(world.vehicle, world.flows)
-    np.testing.assert_allclose(raised.harmonic[..., 0] - world.flows.harmonic[..., 0], 0.3)
-    found, without = world.flights(case), world.flights(case_of(world.vehicle, "nothing wrong"))
-    base = np.pi * float(flying.surface.radius[-1]) ** 2
-    expected = 0.3 * found.ambient_pressure * base / found.dynamic_pressure
-    expected /= world.vehicle.reference_quantities().area
-    np.testing.assert_allclose(found.coefficients[:, 0] - without.coefficients[:, 0], expected, rtol=1e-3)
-
-
 def test_friction_presses_each_section_by_what_lies_ahead(world: World, flying: TrueStructure) -> None:
     """Axial strain -T(x) / (2 pi r t E) of a thin tube, T the friction ahead of x; within 3 %."""
     vehicle, surface, placed = world.vehicle, flying.surface, flying.placed
@@ -167,7 +202,8 @@ def test_friction_presses_each_section_by_what_lies_ahead(world: World, flying: 
 
 
 def test_newtonian_flow_has_the_pressure_of_its_engine(flown: Vehicle, flow_beyond: FlowTable) -> None:
-    """Windward on the front cone p/p_inf is 1 + 0.7 M^2 C_p,max sin^2(5 deg + a): 1 %."""
+    """Windward on the front cone p/p_inf is 1 + 0.7 M^2 C_p,max sin^2(5 deg + a): 1 %. On a shape whose own flow
+    is newtonian it leaves the windward side."""
     table, station = Flow(engine="newtonian").table(flown, flow_beyond), 8
     mach, incidence = float(table.mach_knots[2]), float(table.incidence_knots[3])
     sign = np.where(np.arange(table.harmonic.shape[3]) % 2, -1.0, 1.0)  # windward: phi = pi
@@ -175,6 +211,13 @@ def test_newtonian_flow_has_the_pressure_of_its_engine(flown: Vehicle, flow_beyo
     inclination = np.radians(5.0) + incidence
     largest = largest_pressure_coefficient(mach, "rayleigh_pitot")
     assert found == pytest.approx(1.0 + 0.7 * mach**2 * largest * np.sin(inclination) ** 2, rel=0.01)
+    steep = solved([FlightCondition(6.5, np.radians(15.0), 0.0, 22e3)])
+    changed = Flow(engine="newtonian").surface(shape_vehicle(), steep)
+    other, own = (one.pressure / steep.internal_pressure for one in (changed, steep))
+    is_leeward = own < 1.0 + 1e-9  # where the test's own newtonian flow is ambient
+    assert 0.0 < other[is_leeward].min() < 0.95
+    assert np.all(other[is_leeward] <= 1.0 + 1e-9)
+    np.testing.assert_allclose(other[own > 1.05], own[own > 1.05], rtol=1e-9)
 
 
 def test_drawn_flows_lie_between_and_beyond_the_two(world: World) -> None:
@@ -188,30 +231,51 @@ def test_drawn_flows_lie_between_and_beyond_the_two(world: World) -> None:
     assert 0.5 < np.std(share[:, 0]) < 1.5
 
 
-@pytest.mark.parametrize(
-    ("error", "size", "place", "added", "tolerance"),
-    [
-        ("local pressure, windward", "+10 % of p_inf", 0.5, 0.1, 0.1),
-        ("vortex pair, leeward", "-30 % of p_inf at 0.7 L", 0.7, -0.3, 0.2),
-    ],
-)
-def test_a_spot_lies_where_it_should(
-    flown: Vehicle, flow_beyond: FlowTable, error: str, size: str, place: float, added: float, tolerance: float
-) -> None:
-    """A bump windward, suction to both sides of the leeward meridian; size over p_inf, place over the length."""
-    flow, surface = case_of(flown, error, size).flow, truth_surface(flown)
-    assert flow is not None
-    harmonic = flow.table(flown, flow_beyond).harmonic[1, 2] - flow_beyond.harmonic[1, 2]
-    field = harmonic @ np.cos(np.outer(np.arange(harmonic.shape[1]), surface.roll_angle))
-    station, around = np.unravel_index(np.argmax(np.sign(added) * field), field.shape)
-    assert surface.x[station] == pytest.approx(place * surface.x[-1], abs=0.05)
-    assert field[station, around] == pytest.approx(added, rel=tolerance)
-    np.testing.assert_allclose(field[station], np.roll(field[station][::-1], 1), atol=1e-12)
-    if added > 0.0:
-        assert surface.roll_angle[around] == pytest.approx(np.pi)
-    else:
-        angle = np.degrees(np.minimum(surface.roll_angle, 2.0 * np.pi - surface.roll_angle))
-        np.testing.assert_allclose(angle[np.argsort(field[station])[:2]], 25.0, atol=10.0)
+@pytest.mark.parametrize("is_shape", [False, True])
+def test_other_pressure_lies_where_it_should(is_shape: bool, flown: Vehicle, flow_beyond: FlowTable) -> None:
+    """A bump windward at its station, suction to both sides of the leeward meridian, more all over, over p_inf."""
+
+    def added(**entry: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return place over the length, angle from the leeward meridian, and what is added, (k, n_p)."""
+        if is_shape:
+            vehicle = shape_vehicle()
+            flows = solved(flown_conditions(Where(), vehicle, None, 6, np.random.default_rng(1)))
+            x, y, z = flows.point.T
+            leeward = np.array([[one.leeward_roll_angle] for one in flows.conditions()])
+            ambient = np.array([[one.ambient_pressure] for one in flows.conditions()])
+            more = (Flow(**entry).surface(vehicle, flows).pressure - flows.pressure) / ambient
+            return np.tile(x / x.max(), (6, 1)), np.arctan2(y, z) - leeward, more
+        surface = truth_surface(flown)
+        harmonic = Flow(**entry).table(flown, flow_beyond).harmonic[1, 2:3] - flow_beyond.harmonic[1, 2:3]
+        more = harmonic @ np.cos(np.outer(np.arange(harmonic.shape[-1]), surface.roll_angle))
+        x, roll = np.meshgrid(surface.x / surface.x[-1], surface.roll_angle, indexing="ij")
+        return x.reshape(1, -1), roll.reshape(1, -1), more.reshape(1, -1)
+
+    for size, place, length, roll_deg, width_deg in ((0.5, 0.5, 0.03, 180.0, 20.0), (-0.3, 0.7, 0.1, 25.0, 10.0)):
+        spot = Spot(size=size, place=place, length=length, roll_deg=roll_deg, width_deg=width_deg)
+        x, angle, more = added(spot=spot)
+        most = np.arange(len(more)), np.argmax(np.sign(size) * more, axis=1)
+        assert x[most] == pytest.approx(place, abs=0.05)
+        expected = size * np.exp(-0.5 * ((x[most] - place) / length) ** 2)
+        np.testing.assert_allclose(more[most], expected, rtol=0.2)
+        off = np.abs(np.angle(np.exp(1j * angle[most])))
+        np.testing.assert_allclose(np.degrees(off), roll_deg, atol=16.0)
+    np.testing.assert_allclose(added(raised=0.3)[2], 0.3, atol=1e-12)
+
+
+@pytest.mark.fast
+def test_knots_that_are_not_solved_go() -> None:
+    done = np.ones((4, 5), dtype=bool)
+    done[0, 1:] = done[1, 4] = False
+    rows, columns = solved_knots(done)
+    assert rows.tolist() == [False, True, True, True]
+    assert columns.tolist() == [True, True, True, True, False]
+    done[2, 2] = False
+    rows, columns = solved_knots(done)
+    assert done[np.ix_(rows, columns)].all()
+    assert rows.sum() >= 2
+    rows, columns = solved_knots(np.zeros((2, 2), dtype=bool))
+    assert rows.sum() * columns.sum() == 0
 
 
 def test_flights_have_the_places_that_a_case_asks_for(world: World) -> None:
@@ -220,6 +284,43 @@ def test_flights_have_the_places_that_a_case_asks_for(world: World) -> None:
     assert 0.25 <= angles.min() <= angles.max() <= 0.5
     few = other_world(world, conditions=5)
     assert {c.altitude for c in few.flights(case_of(world.vehicle, "altitude", "12 km")).conditions} == {12e3}
+
+
+def test_flights_of_a_shape_share_their_flows(shape_world: World) -> None:
+    """One set inside, a quarter of it near the edge, beyond it twice, and below and beyond the Mach numbers; any
+    altitude."""
+    vehicle = shape_world.vehicle
+    found = shape_conditions(vehicle, cases_for(vehicle, load_trial(trial_path("stress"))), 24, 1)
+    assert len(found) == 24 + 5 * (24 // FEWER_BEYOND)
+    assert len({(one.mach_number, one.angle_of_attack, one.sideslip_angle) for one in found}) == len(found)
+    flights, own = (
+        shape_world.flights(case_of(vehicle, *name)) for name in (("altitude", "12 km"), ("nothing wrong",))
+    )
+    np.testing.assert_allclose(flights.ambient_pressure, pressure_and_temperature(12e3)[0])
+    np.testing.assert_allclose(flights.coefficients, own.coefficients, rtol=1e-9, atol=1e-12)
+    few = solved(list(own.conditions[:2]))
+    assert at_conditions(few, own.conditions[2:]) is None
+    with pytest.raises(FlowReachError, match="none of its flows"):
+        other_world(shape_world, flows=few).flights(case_of(vehicle, "Mach number below its least"))
+
+
+@pytest.mark.fast
+def test_edges_are_the_ends_of_both_ranges_but_zero() -> None:
+    vehicle, random = shape_vehicle(), np.random.default_rng(1)
+    for low, high in ((0.7, 1.0), (1.2, 1.2)):
+        found = flown_conditions(Where(edge=[low, high]), vehicle, None, 800, random)
+        assert len(found) == 200
+        off = np.abs(np.degrees([(one.angle_of_attack, one.sideslip_angle) for one in found])) / [4.0, 2.0]
+        assert low - 1e-9 <= off.max(axis=1).min() <= off.max() <= high + 1e-9
+    many, few = (flown_conditions(Where(), vehicle, None, n, np.random.default_rng(1)) for n in (200, 20))
+    assert many[:20] == few  # so that more conditions keep the flows of fewer
+    one_sided = vehicle.conditions.model_copy(update={"sideslip_angle_deg": [0.0, 1.0, 2.0]})
+    ends = edges_of(vehicle.model_copy(update={"conditions": one_sided}))
+    assert [(name, middle + reach) for name, middle, reach in ends] == [
+        ("angle_of_attack", -4.0),
+        ("angle_of_attack", 4.0),
+        ("sideslip_angle", 2.0),
+    ]
 
 
 TABLE = FlowTable(
@@ -232,19 +333,35 @@ TABLE = FlowTable(
 
 
 @pytest.mark.fast
+@pytest.mark.parametrize("name", ["ic3x", "finned_body"])
 @pytest.mark.parametrize(
-    ("valid", "drawn"), [((0.0, 40.0), (12.0, 30.0)), ((0.0, 10.0), (0.0, 10.0)), ((35.0, 50.0), (35.0, 50.0))]
+    ("entry", "drawn"),
+    [
+        ({"valid_altitude_km": (0.0, 40.0)}, (12.0, 30.0)),
+        ({"valid_altitude_km": (0.0, 10.0)}, (0.0, 10.0)),
+        ({"valid_altitude_km": (35.0, 50.0)}, (35.0, 50.0)),
+        ({"form": "absolute"}, (20.0, 20.0)),
+    ],
 )
-def test_altitudes_are_those_of_the_map(valid: tuple[float, float], drawn: tuple[float, float]) -> None:
+def test_flights_are_inside_all_ranges_of_the_file_at_altitudes_of_the_map(
+    name: str, entry: dict[str, Any], drawn: tuple[float, float]
+) -> None:
     """A map that holds at none of 12 to 30 km is flown where it holds."""
-    shipped = load_vehicle(IC3X)
-    vehicle = shipped.model_copy(update={"map": shipped.map.model_copy(update={"valid_altitude_km": valid})})
-    conditions = held_out_conditions(vehicle, TABLE, 200, np.random.default_rng(1))
+    shipped = load_vehicle(VEHICLES / f"{name}.toml")
+    vehicle = shipped.model_copy(update={"map": shipped.map.model_copy(update=entry)})
+    if shipped.is_axisymmetric:
+        conditions = held_out_conditions(vehicle, TABLE, 200, np.random.default_rng(1))
+    else:
+        conditions = level_conditions(vehicle)
+        rows = np.array([one.as_row() for one in conditions])[:, [0, 1, 2, 4]]
+        rows[:, 1:3] = np.degrees(rows[:, 1:3])
+        low, high = np.array([5.0, -6.0, -4.0, -4.0]), np.array([6.0, 6.0, 4.0, 4.0])
+        assert np.all((rows >= low) & (rows <= high))
+        assert np.all(np.ptp(rows, axis=0) > 0.9 * (high - low))
     altitude = 1e-3 * np.array([one.altitude for one in conditions])
-    low, high = drawn
-    reach = 0.1 * (high - low)
-    assert low <= altitude.min() < low + reach
-    assert high - reach < altitude.max() <= high
+    reach = 0.1 * (drawn[1] - drawn[0])
+    assert drawn[0] <= altitude.min() <= drawn[0] + reach
+    assert drawn[1] - reach <= altitude.max() <= drawn[1]
 
 
 @pytest.mark.fast

@@ -12,30 +12,22 @@ import numpy as np
 import pytest
 from ensembles import listed_ensemble
 
-from builder.aero.engine import Flow, FlowKey
-from builder.aero.engines.euler import pieces, pressure_at_stations
 from builder.aero.loads.operator import coefficients_of, load_operator
 from builder.inverse.noise.hardware_errors import HardwareError, hardware_errors
-from builder.structure.as_built.as_built_structure import SHIFT
 from builder.structure.as_built.as_built_vehicle import AsBuilt, Counts, exactly_built
 from builder.structure.as_built.wall_regions import counts_in_flight
 from builder.structure.as_built_kinds import IN_FLIGHT, IN_NOISE
 from builder.structure.fourier.fourier_model import structural_model
-from builder.structure.fourier.inner_surface import inner_surface_points
-from builder.structure.fourier.shell_mesh import shell_mesh
-from builder.structure.fourier.strain_operator import harmonic_response, strain_operator
-from builder.structure.wall import wall_of
 from builder.truth.flights import drawn_vehicle
 from builder.truth.revolution.flow_table import (
     FlowTable,
     harmonics_at,
     load_flow_table,
     load_truth_flows,
-    pressure_harmonics,
     save_flow_table,
     truth_surface,
 )
-from builder.truth.revolution.strain import WALL_STEP, TrueFlights, TrueStructure, true_flights, true_structure
+from builder.truth.revolution.strain import TrueFlights, TrueStructure, true_flights, true_structure
 from builder.vehicle.file import VEHICLES, Vehicle, load_vehicle
 from builder.vehicle.map.options import Noise
 from strainfmu.arrays import FloatArray
@@ -106,15 +98,6 @@ def close(found: FloatArray, expected: FloatArray, tolerance: float = 1e-10) -> 
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=tolerance * np.abs(expected).max())
 
 
-def change_of(flights: TrueFlights, exact: AsBuilt, **errors: Any) -> FloatArray:
-    """Return half the difference of both signs: without what is of second order."""
-    above, below = (
-        flights.read(exact.changed(**{name: sign * value for name, value in errors.items()}))
-        for sign in (1.0, -1.0)
-    )
-    return 0.5 * (above - below)
-
-
 @pytest.mark.parametrize("inside", ["ambient", 2e4])
 def test_coefficients_are_the_loads_of_the_pressure(inside: Any, flown: Flown) -> None:
     """C and strain of the same pressure by the operators of loads and strain: 1e-10 of the largest."""
@@ -127,37 +110,6 @@ def test_coefficients_are_the_loads_of_the_pressure(inside: Any, flown: Flown) -
     for coefficient, wanted in zip(found.coefficients.T, expected.T, strict=True):
         close(coefficient, wanted)
     close(found.read(built()), net @ flown.operator.T)
-
-
-@pytest.mark.parametrize("sign", [-1.0, 1.0])
-def test_another_wall_and_shifted_gauges_are_the_structure_solved_so(sign: float, flown: Flown) -> None:
-    """A wall of 4 % less and more, pressure from both sides on it; gauges 1 mm round the body: 1e-10.
-
-    1 mm along the meridian, by a line through both sides: 1e-3 of the largest strain at gauges next to the edge of
-    an element, where strain has a kink that the line does not follow, and 2e-5 in nine of ten.
-    """
-    vehicle, model, resolution = flown.vehicle, flown.model, flown.vehicle.resolution.truth
-    thickness = (1.0 + sign * WALL_STEP) * vehicle.structure.wall_thickness_mm
-    structure = vehicle.structure.model_copy(update={"wall_thickness_mm": thickness})
-    other = structural_model(
-        vehicle.model_copy(update={"structure": structure}), resolution, [vehicle.gauges.layout]
-    )
-    # The gauges' directions are those of the wall of the file: its inner surface has the same slopes.
-    z_p = strain_operator(other.response, model.placed, other.surface)
-    close(flown.flights.read(built(wall_thickness=sign * WALL_STEP)), (flown.pressure - INSIDE) @ z_p.T)
-    wall, placed = wall_of(vehicle), model.placed
-    mesh = shell_mesh(vehicle.body(), wall, 1e-3 * resolution.element_length_mm, resolution.wall_layers)
-    along = sign * SHIFT * inner_surface_points(mesh, placed.x).tangent[:, 0]
-    around = sign * SHIFT / model.on_wall.radius
-    for shift, moved, tolerance in (
-        ("axial_shift", replace(placed, x=placed.x + along), 1e-3),
-        ("circumferential_shift", replace(placed, roll_angle=placed.roll_angle + around), 1e-10),
-    ):
-        response = harmonic_response(mesh, wall.material, moved.x, model.surface.x, resolution.harmonics)
-        expected = (flown.pressure - INSIDE) @ strain_operator(response, moved, model.surface).T
-        found = flown.flights.read(built(**{shift: np.full(N_GAUGES, sign * SHIFT)}))
-        close(found, expected, tolerance)
-        assert np.quantile(np.abs(found - expected), 0.9) < 2e-5 * np.abs(expected).max()
 
 
 def test_turned_layouts_and_gauges_read_what_others_do(flown: Flown) -> None:
@@ -190,31 +142,15 @@ def test_gains_apparent_strain_and_internal_pressure_by_the_book(flown: Flown) -
     close(more, -0.05 * np.outer(ambient, of_unit), 1e-8)
 
 
-@pytest.mark.parametrize("by_region", [False, True])
-def test_many_vehicles_at_once_are_those_one_by_one(flown: Flown, by_region: bool) -> None:
-    """Every flight alone with 3 vehicles of all errors, of gauges and by region: 1e-12 of the largest strain."""
-    noise, counts, flights = Noise(std_um_per_m=0.4), Counts(N_GAUGES), flown.flights
-    if by_region:
-        vehicle = with_joint(flown, True, BY_REGION | {"gauge_gain_percent": 1.0})
-        structure = true_structure(vehicle)
-        noise, counts = vehicle.noise, structure.counts
-        flights = true_flights(vehicle, structure, flown.table, CONDITIONS)
-    many = drawn_vehicle(noise, counts, np.random.default_rng(7), count=3)
-    for number in range(len(CONDITIONS)):
-        read = flights.read(many, slice(number, number + 1))
-        for vehicle_number in range(3):
-            close(read[vehicle_number], flights.read(many.one_of(vehicle_number))[number], 1e-12)
-
-
 @pytest.mark.fast
 def test_a_vehicle_is_drawn_at_the_stated_sizes() -> None:
     """Root mean square over 400 vehicles of 50 gauges: within 12 % (3 sigma of 400 draws), scale included."""
     entry, random = Noise(std_um_per_m=0.4, internal_pressure_percent=7.0), np.random.default_rng(5)
     vehicles = [drawn_vehicle(entry, 50, random, scale=2.0) for _ in range(400)]
     sizes = {"gauge_gain": 0.01, "axial_shift": 1e-3, "orientation": radians(1.0), "internal_pressure": 0.07}
-    assert sizes.keys() < {kind.name for kind in IN_NOISE if kind.std(entry) > 0.0}
-    for kind in (kind for kind in IN_NOISE if kind.std(entry) > 0.0):
-        assert kind.std(entry) == pytest.approx(sizes.get(kind.name, kind.std(entry)))
+    kinds = {kind.name: kind for kind in IN_NOISE if kind.std(entry) > 0.0}
+    assert {name: kinds[name].std(entry) for name in sizes} == pytest.approx(sizes)
+    for kind in kinds.values():
         values = np.array([getattr(one, kind.name) for one in vehicles])
         assert np.sqrt(np.mean(values**2)) == pytest.approx(2.0 * kind.std(entry), rel=0.12), kind.name
     assert np.ptp(vehicles[0].apparent_strain) == 0.0
@@ -255,6 +191,7 @@ def test_error_columns_predict_vehicles_built_so(
     vehicle = with_joint(flown, alone, entries)
     structure = true_structure(vehicle)
     flights, found = true_flights(vehicle, structure, flown.table, CONDITIONS), flown._replace(vehicle=vehicle)
+    exact = exactly_built(structure.counts)
     kinds = [kind for kind in IN_NOISE if kind not in IN_FLIGHT and kind.std(vehicle.noise) > 0.0]
     of_gauges = [(kind, None) for kind in kinds if kind.extent == "gauge"]
     common = [kind for kind in kinds if kind.extent != "gauge"]
@@ -265,28 +202,36 @@ def test_error_columns_predict_vehicles_built_so(
         assert (error.name, error.common) == (kind.column_name, k is not None)
         sign = np.random.default_rng(3).choice([-1.0, 1.0], N_GAUGES) if k is None else np.ones(N_GAUGES)
         size = kind.std(vehicle.noise) * (sign if k is None else np.eye(structure.counts.in_flight(kind))[k])
-        change = change_of(flights, exactly_built(structure.counts), **{kind.name: size})[:, away]
+        above, below = (flights.read(exact.changed(**{kind.name: way * size})) for way in (1.0, -1.0))
+        change = 0.5 * (above - below)[:, away]  # without what is of second order
         off = np.linalg.norm((sign * error.strain)[:, away] - change)
         assert off < (tolerance if kind.step else 1e-9) * np.linalg.norm(change), (kind.name, k)
 
 
-def test_errors_that_a_structure_has_not_are_refused_and_draws_of_others_stay(flown: Flown) -> None:
-    """A clamp that yields, errors by region, row and joint."""
-    by_region = with_joint(flown, True, BY_REGION | {"gauge_gain_percent": 1.0})
-    structure = true_structure(by_region)
+def test_many_vehicles_at_once_are_those_one_by_one(flown: Flown) -> None:
+    """Every flight alone with 3 vehicles of all errors, of gauges and by region: 1e-12 of the largest strain."""
+    vehicle = with_joint(flown, False, BY_REGION | CLAMP)
+    structure = true_structure(vehicle)
     assert structure.counts == Counts(gauge=N_GAUGES, region=4, row=4, joint=1)
-    one, plain = (
-        drawn_vehicle(of.noise, structure.counts, np.random.default_rng(3)) for of in (by_region, flown.vehicle)
+    flights = true_flights(vehicle, structure, flown.table, CONDITIONS)
+    many = drawn_vehicle(vehicle.noise, structure.counts, np.random.default_rng(7), count=3)
+    for number in range(len(CONDITIONS)):
+        read = flights.read(many, slice(number, number + 1))
+        for vehicle_number in range(3):
+            close(read[vehicle_number], flights.read(many.one_of(vehicle_number))[number], 1e-12)
+
+
+def test_errors_that_a_structure_has_not_are_refused_and_draws_of_others_stay(flown: Flown) -> None:
+    other = with_joint(flown, False, BY_REGION | CLAMP)
+    many, plain = (
+        drawn_vehicle(of.noise, Counts(gauge=N_GAUGES, region=4, row=4, joint=1), np.random.default_rng(3))
+        for of in (other, flown.vehicle)
     )
-    np.testing.assert_array_equal(one.gauge_gain, plain.gauge_gain)
+    np.testing.assert_array_equal(many.gauge_gain, plain.gauge_gain)
+    assert 0.0 < abs(many.clamp_axial.item()) < 8e-3
+    assert plain.clamp_axial.item() == plain.clamp_transverse.item() == 0.0
     with pytest.raises(InputError, match=r"joint_softness_mm: expected 0 without joints"):
-        counts_in_flight(flown.vehicle.model_copy(update={"noise": by_region.noise}), structure.placed.roll_angle)
-    yields = with_joint(flown, True, CLAMP).noise
-    soft, same = (
-        drawn_vehicle(noise, N_GAUGES, np.random.default_rng(4)) for noise in (yields, flown.vehicle.noise)
-    )
-    assert 0.0 < abs(soft.clamp_axial.item()) < 8e-3
-    assert same.clamp_axial.item() == same.clamp_transverse.item() == 0.0
+        counts_in_flight(flown.vehicle.model_copy(update={"noise": other.noise}), flown.model.placed.roll_angle)
     with pytest.raises(InputError, match="clamp_compliance_mm is 0"):
         flown.flights.read(built(clamp_axial=1e-3))
 
@@ -301,8 +246,7 @@ def table_of(values: FloatArray) -> FlowTable:
 
 
 def random_table() -> FlowTable:
-    values = np.random.default_rng(1).standard_normal((len(MACH), len(INCIDENCE), N_X, N_M))
-    return table_of(values)
+    return table_of(np.random.default_rng(1).standard_normal((len(MACH), len(INCIDENCE), N_X, N_M)))
 
 
 def polynomial(mach: FloatArray, incidence: FloatArray) -> FloatArray:
@@ -349,42 +293,17 @@ def test_a_table_is_read_as_it_was_written_and_no_other(tmp_path: Path) -> None:
     """A blunt tip has more stations than the vehicle file states; flows with these stations are the vehicle's."""
     path, table = tmp_path / "flow.h5", random_table()
     save_flow_table(table, path)
-    loaded = load_flow_table(path)
-    np.testing.assert_array_equal(loaded.harmonic, table.harmonic)
-    assert loaded.vehicle == "random"
+    np.testing.assert_array_equal(load_flow_table(path).harmonic, table.harmonic)
     with pytest.raises(InputError, match=r"expected shape \(4, 4, stations, harmonics\), got \(4, 4, 3\)"):
         replace(table, harmonic=table.harmonic[..., 0])
     with pytest.raises(InputError, match="harmonic: not all values are finite"):
         replace(table, harmonic=np.where(table.harmonic > 1.0, np.nan, table.harmonic))
     vehicle = load_vehicle(VEHICLES / "blunt_cone.toml")
-    truth, n_x = vehicle.resolution.truth, len(truth_surface(vehicle).x)
-    assert n_x > truth.surface_stations
-    for n_m, name in (
-        (truth.harmonics + 1, vehicle.name),
-        (truth.harmonics, vehicle.name),
-        (truth.harmonics + 1, ""),
-    ):
-        save_flow_table(replace(table_of(np.zeros((len(MACH), len(INCIDENCE), n_x, n_m))), vehicle=name), path)
-        if n_m > truth.harmonics and name:
-            load_truth_flows(path, vehicle)
-            continue
+    n_x, n_m = len(truth_surface(vehicle).x), vehicle.resolution.truth.harmonics + 1
+    assert n_x > vehicle.resolution.truth.surface_stations
+    for harmonics, name in ((n_m - 1, vehicle.name), (n_m, "")):
+        save_flow_table(replace(table_of(np.zeros((4, 4, n_x, harmonics))), vehicle=name), path)
         with pytest.raises(InputError, match=f"expected flows of '{vehicle.name}' at .* got flows of '{name}'"):
             load_truth_flows(path, vehicle)
-
-
-@pytest.mark.fast
-def test_harmonics_of_a_flow_are_its_pressure(
-    table: FlowTable, true_model: TrueStructure, truth_flows: dict[FlowKey, Flow]
-) -> None:
-    """All harmonics that 16 cells resolve add up to the pressure in the cells, and the table holds them: 1e-12."""
-    surface, flow = true_model.surface, truth_flows[max(truth_flows, key=lambda key: key[1])]
-    found = pressure_harmonics(flow, surface, 15) @ np.cos(np.outer(np.arange(16), flow.arrays["roll_angle"]))
-    np.testing.assert_allclose(found, pressure_at_stations(pieces(flow), surface), rtol=1e-12)
-    # What the cells do not resolve is zero.
-    assert not np.any(pressure_harmonics(flow, surface, 18)[:, 16:])
-    mach, incidence = table.mach_knots[1], table.incidence_knots[2]
-    flow = truth_flows[round(float(mach), 9), float(incidence)]
-    expected = pressure_harmonics(flow, surface, table.harmonic.shape[3] - 1)
-    np.testing.assert_array_equal(table.harmonic[1, 2], expected)
-    found = harmonics_at(table, np.array([mach]), np.array([incidence]))[0]
-    np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-12 * np.abs(expected).max())
+    save_flow_table(replace(table_of(np.zeros((4, 4, n_x, n_m))), vehicle=vehicle.name), path)
+    load_truth_flows(path, vehicle)
