@@ -83,6 +83,11 @@ def world(flown: Vehicle, flying: TrueStructure, flow_beyond: FlowTable, flown_s
 
 
 @pytest.fixture(scope="session")
+def tabled_world(world: World, full_map: InverseMap) -> World:
+    return other_world(world, inverse_map=full_map)
+
+
+@pytest.fixture(scope="session")
 def sensed_world(world: World, flying: TrueStructure, flown_snapshots: Snapshots) -> World:
     """The same vehicle with ports and an inertial unit."""
     sensors = Sensors(

@@ -59,7 +59,7 @@ MASSES = (
         ("world", "roll of the layout", "+1 deg", 0.0),
         ("world", "altitude", "25 km", 0.0),
         ("world", "angles mirrored", "the other sign of one or both", 0.0),
-        ("full_world", "angles mirrored", "the other sign of one or both", 0.0),
+        ("tabled_world", "angles mirrored", "the other sign of one or both", 0.0),
         ("world", "dynamic pressure", "+10 %", 100.0),
         ("world", "incidence beyond its largest", "+20 %", 0.0),
         ("world", "Mach number below its least", "-20 %", 0.0),
