@@ -33,7 +33,7 @@ def trade_study_figure(rows: Sequence[dict[str, Any]], entries: Sequence[str]) -
     ``rows`` are of each design and load.
     """
     over = along(rows, entries)
-    varied = [name for name in entries if name != over and len({row[name] for row in rows}) > 1]
+    varied = [name for name in entries if name != over and len({str(row[name]) for row in rows}) > 1]
     lines: dict[str, list[dict[str, Any]]] = {}
     for row in rows:
         label = ", ".join(f"{name.rpartition('.')[2]} {row[name]}" for name in varied)
