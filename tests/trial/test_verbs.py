@@ -340,7 +340,7 @@ TABLE = FlowTable(
         ({"valid_altitude_km": (0.0, 40.0)}, (12.0, 30.0)),
         ({"valid_altitude_km": (0.0, 10.0)}, (0.0, 10.0)),
         ({"valid_altitude_km": (35.0, 50.0)}, (35.0, 50.0)),
-        ({"form": "absolute"}, (20.0, 20.0)),
+        ({"estimator": "linear", "form": "absolute"}, (20.0, 20.0)),
     ],
 )
 def test_flights_are_inside_all_ranges_of_the_file_at_altitudes_of_the_map(
