@@ -203,9 +203,11 @@ class Estimate:
 
     @property
     def allowed(self) -> float:
-        """How far :attr:`per_reading` may be from 1: it is the sum of squares of normal numbers."""
+        """How far :attr:`per_reading` may be from 1: it is the sum of squares of normal numbers, and the error of
+        the model, known by its size alone, is part of it."""
         square = self.n_readings - 2.0 * np.trace(self._learned) + np.vdot(self._learned, self._learned)
-        return FITS[0] + FITS[1] * float(np.sqrt(2.0 * max(square, 0.0))) / max(self.freedom, 1.0)
+        by_chance = FITS[1] * float(np.sqrt(2.0 * max(square, 0.0))) / max(self.freedom, 1.0)
+        return FITS[0] + self.model.model_part + by_chance
 
     @property
     def agrees(self) -> bool:
