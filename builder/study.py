@@ -45,7 +45,7 @@ from builder.trial.readings import World
 from builder.trial.run import Task, run_tasks, scored, tasks_of
 from builder.trial.score import Row
 from builder.trial.table import write_table
-from builder.truth.independent_model import refuse_without_independent_model
+from builder.truth.shape import refuse_without_independent_model
 from builder.vehicle.file import Vehicle, load_vehicle
 from builder.vehicle.toml.reading import read_sections
 from builder.vehicle.toml.toml_sections import Section

@@ -47,7 +47,7 @@ from builder.structure.fourier.fourier_model import structural_model
 from builder.structure.mapped_structure import mapped_structure
 from builder.structure.structure_file import load_structure
 from builder.trial.readings import World
-from builder.truth.revolution.flow_table import FlowTable, load_truth_flows
+from builder.truth.revolution.flow_table import FlowTable, load_flow_table
 from builder.truth.revolution.strain import TrueStructure
 from builder.vehicle.file import Vehicle, load_vehicle
 from builder.workspace import refuse_misfits
@@ -390,7 +390,7 @@ def _independent_model(
         flows = cached_flows(vehicle) or flows
     if not flows.exists():
         return None, (f"alarm levels: as of the map as drawn, {FLOWS} is not next to the snapshots",)
-    table = load_truth_flows(flows, vehicle)
+    table = load_flow_table(flows, vehicle)
     # What a vehicle as built changes of the strain follows from the structure of the test.
     return IndependentModel(structure=solved_true_structure(vehicle, reporter, ()), flows=table), ()
 

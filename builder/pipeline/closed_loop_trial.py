@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -51,18 +52,17 @@ def closed_loop_rows(
     inverse_map = load_inverse_map(scenario.inverse_map)
     if inverse_map.manifold is None:
         raise InputError(f"{scenario.inverse_map}: expected a map with tables, for the nonlinear estimator")
-    rows, faults = list[Row](), [fault for fault in loop.fault if not only or fault.error in only]
-    with TemporaryDirectory() as scratch, reporter.stage("Closed loop: seeds of noise") as progress:
-        linear_map = Path(scratch) / "linear.h5"
-        save_inverse_map(inverse_map.without_tables(), linear_map)
-        for number, feedback in enumerate(("truth", "nonlinear", "linear")):
-            path = linear_map if feedback == "linear" else scenario.inverse_map
-            rows += without_fault(replace(scenario, inverse_map=path), feedback, loop)
-            progress(number + 1, 3)
-    with reporter.stage("Closed loop: faults") as progress:
-        for number, fault in enumerate(faults):
-            rows += with_fault(scenario, fault, loop)
-            progress(number + 1, len(faults))
+    faults = [fault for fault in loop.fault if not only or fault.error in only]
+    with TemporaryDirectory() as scratch, reporter.stage("Closed loop: seeds of noise, faults") as progress:
+        linear = replace(scenario, inverse_map=Path(scratch) / "linear.h5")
+        save_inverse_map(inverse_map.without_tables(), linear.inverse_map)
+        sound = {"truth": scenario, "nonlinear": scenario, "linear": linear}
+        flights = [partial(without_fault, flown, feedback, loop) for feedback, flown in sound.items()]
+        flights += [partial(with_fault, scenario, fault, loop) for fault in faults]
+        rows = list[Row]()
+        for number, fly_all in enumerate(flights, start=1):
+            rows += fly_all()
+            progress(number, len(flights))
     return scenario.name, rows
 
 

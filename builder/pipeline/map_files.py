@@ -11,7 +11,6 @@ from typing import Any, Literal
 
 from builder.campaign import snapshots as snapshots_file
 from builder.campaign.campaign_run import Campaign, run_campaign
-from builder.campaign.journal import Journal
 from builder.campaign.scheduling import Scheduling
 from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.inverse.problem import AnyStructure, inverse_problem
@@ -24,7 +23,7 @@ from builder.pipeline.measured_levels import (
     with_shape_levels,
 )
 from builder.pipeline.pipeline import FilesGiven, Pipeline
-from builder.pipeline.shape_flows import make_shape_flows
+from builder.pipeline.shape_flows import make_flow_table, make_shape_flows
 from builder.pipeline.stages import (
     AnyProgress,
     check_before_long_work,
@@ -48,9 +47,8 @@ from builder.structure.solid.case import SolidCase, structure_case
 from builder.structure.solid.solid_model import solve_solid_structure, update_structure
 from builder.structure.structure_file import Structure, load_structure, save_structure
 from builder.trial.readings import World
-from builder.truth.independent_model import ENGINES_IN_WORDS
-from builder.truth.revolution import flow_table as flow_table_file
-from builder.truth.revolution.flow_table import independent_flows, load_flow_table, save_flow_table, truth_inputs
+from builder.truth.flights import ENGINES_IN_WORDS
+from builder.truth.revolution.flow_table import flow_inputs, load_flow_table, truth_knots
 from builder.truth.revolution.strain import TrueStructure
 from builder.vehicle.file import Vehicle, load_vehicle
 from builder.vehicle.map_needs import doubtful_entries, unused_entries, used_layouts
@@ -162,7 +160,7 @@ def cached_structure(vehicle: Vehicle) -> Path | None:
 
 def cached_flows(vehicle: Vehicle) -> Path | None:
     """Return the flows of the independent model that another command left, None where there are none."""
-    return Cache(vehicle.beside(".")).find(FLOWS, _flow_inputs(vehicle))
+    return Cache(vehicle.beside(".")).find(FLOWS, flow_inputs(vehicle, *truth_knots(vehicle)))
 
 
 def snapshot_inputs(vehicle: Vehicle, campaign: Campaign) -> dict[str, Any]:
@@ -306,7 +304,7 @@ def _inverse_map(pipeline: Pipeline) -> None:
             of_levels = load_snapshots(pipeline.path(FLOWS))
             made = with_shape_levels(flown, made, solid, of_levels, pipeline.reporter)
         elif calibrates:
-            flows = load_flow_table(pipeline.path(FLOWS))
+            flows = load_flow_table(pipeline.path(FLOWS), flown)
             world = World(vehicle=flown, structure=true_structure_of(pipeline), flows=flows, inverse_map=made)
             made = with_measured_levels(world, pipeline.reporter)
         save_inverse_map(made, path)
@@ -333,17 +331,7 @@ def make_independent_flows(pipeline: Pipeline) -> None:
     holds = f"flows of the vehicle that flies, by {engine} on finer meshes"
     if FLOWS in pipeline.files or pipeline.take(FLOWS, holds):
         return
-
-    def write(path: Path) -> None:
-        with Journal(path) as journal:
-            save_flow_table(independent_flows(vehicle, pipeline.reporter, journal), path)
-            journal.remove()
-
-    pipeline.make(FLOWS, holds, _flow_inputs(vehicle), write, shared=True)
-
-
-def _flow_inputs(vehicle: Vehicle) -> dict[str, Any]:
-    return {"schema_version": flow_table_file.SCHEMA_VERSION, **truth_inputs(vehicle)}
+    make_flow_table(pipeline, vehicle, truth_knots(vehicle), FLOWS, holds)
 
 
 def true_structure_of(pipeline: Pipeline) -> TrueStructure:

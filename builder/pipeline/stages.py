@@ -60,7 +60,7 @@ from builder.structure.solid.solid_model import solve_solid_structure
 from builder.structure.structure_file import Structure
 from builder.structure.structure_fit import on_solid_model, structure_misfits, structure_record
 from builder.trial.readings import World
-from builder.truth.revolution.flow_table import independent_flows
+from builder.truth.revolution.flow_table import solved_flows, truth_knots
 from builder.truth.revolution.strain import TrueStructure, true_structure
 from builder.truth.shape import shape_flows
 from builder.vehicle.file import Vehicle, load_vehicle
@@ -180,7 +180,7 @@ def build_map(
     if not vehicle.is_axisymmetric:
         of_levels = shape_flows(vehicle, level_conditions(vehicle), reporter, "Flow: alarm levels")
         return with_shape_levels(vehicle, inverse_map, solid, of_levels, reporter)
-    flows = independent_flows(vehicle, reporter, scheduling=Scheduling(workers=0))
+    flows = solved_flows(vehicle, *truth_knots(vehicle), reporter, scheduling=Scheduling(workers=0))
     true = solved_true_structure(vehicle, reporter)
     return with_measured_levels(
         World(vehicle=vehicle, structure=true, flows=flows, inverse_map=inverse_map), reporter

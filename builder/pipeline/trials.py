@@ -17,7 +17,6 @@ import numpy as np
 from builder.calibration.score.ground_rows import ground_rows, refuse_unknown_tests
 from builder.calibration.score.ground_world import ground_world
 from builder.campaign import snapshots as snapshots_file
-from builder.campaign.journal import Journal
 from builder.campaign.snapshots import load_snapshots
 from builder.figures.comparison.trial import trial_figure
 from builder.figures.drawing.canvas import save
@@ -34,7 +33,7 @@ from builder.pipeline.map_files import (
     make_snapshots,
 )
 from builder.pipeline.pipeline import FilesGiven, Pipeline
-from builder.pipeline.shape_flows import make_shape_flows
+from builder.pipeline.shape_flows import make_flow_table, make_shape_flows
 from builder.pipeline.stages import AnyProgress, check_before_long_work, reporter_of
 from builder.pipeline.used_files import FLOWS as LEVEL_FLOWS
 from builder.pipeline.used_files import MAP, SNAPSHOTS, STRUCTURE, open_pipeline
@@ -52,22 +51,21 @@ from builder.trial.compared import (
     maps_for,
     refuse_unknown,
 )
-from builder.trial.conditions import flown_conditions
+from builder.trial.conditions import flown_conditions, stress_knots
 from builder.trial.estimators import available
 from builder.trial.faults import temperature_of
-from builder.trial.flows import stress_flow_inputs, stress_flows
 from builder.trial.readings import World
 from builder.trial.run import Score, run_tasks, scored, tasks_of
 from builder.trial.score import ALL, Row
 from builder.trial.table import line_of, stress_entries, write_table
-from builder.truth.independent_model import other_physics, refuse_without_independent_model
+from builder.truth.flights import other_physics
 from builder.truth.revolution import flow_table as flow_table_file
-from builder.truth.revolution.flow_table import load_truth_flows, save_flow_table
+from builder.truth.revolution.flow_table import load_flow_table
 from builder.truth.revolution.strain import true_structure
-from builder.truth.shape import flying_structure
+from builder.truth.shape import flying_structure, refuse_without_independent_model
 from builder.vehicle.file import IC3X, VEHICLES, Vehicle, load_vehicle
 from builder.vehicle.named_file import naming
-from builder.workspace import Cache, Workspace
+from builder.workspace import Cache, Misfit, Workspace, refuse_misfits
 from strainfmu.errors import InputError
 from strainfmu.estimator.map import inverse_map as inverse_map_file
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map
@@ -431,8 +429,8 @@ def _true_world(vehicle: Vehicle, flows: Path, structure: Path | None) -> dict[s
         return {
             "vehicle": vehicle,
             "structure": true,
-            "flows": load_truth_flows(flows, vehicle),
-            "sensors": sensors,
+            "flows": load_flow_table(flows, vehicle),
+            "sensors": sensors and sensors.as_built,
         }
     known = None if structure is None else load_structure(structure)
     true_shape = flying_structure(vehicle, known, Silent())
@@ -442,17 +440,12 @@ def _true_world(vehicle: Vehicle, flows: Path, structure: Path | None) -> dict[s
 def _make_flows(
     pipeline: Pipeline, vehicle: Vehicle, trial: TrialFile, only: Sequence[str], flows_path: Path | None
 ) -> None:
-    """Make the flows of the independent model, or take the ones that are given.
-
-    They go beyond the envelope, but for cases that all fly in the same square of angles.
-    """
+    """Make the flows of the independent model beyond the envelope, or take the ones that are given."""
     for line in other_physics(vehicle):
         pipeline.reporter.note(line)
     cases_for(vehicle, trial, only)  # refused here, before the long work
     cases = cases_for(vehicle, trial)
-    squares = {case.where.square for case in cases}
-    square = squares.pop() if len(squares) == 1 else None
-    holds = f"flows of the independent model {'beyond' if square is None else 'inside'} the envelope"
+    holds = "flows of the independent model beyond the envelope"
     if flows_path is not None:
         pipeline.use(
             FLOWS,
@@ -463,14 +456,7 @@ def _make_flows(
         conditions = shape_conditions(vehicle, cases, trial.trial.conditions, trial.trial.seed)
         make_shape_flows(pipeline, vehicle, conditions, FLOWS, holds)
     else:
-
-        def write(path: Path) -> None:
-            with Journal(path) as journal:
-                save_flow_table(stress_flows(vehicle, pipeline.reporter, journal, square=square), path)
-                journal.remove()
-
-        inputs = {"schema_version": flow_table_file.SCHEMA_VERSION, **stress_flow_inputs(vehicle, square)}
-        pipeline.make(FLOWS, holds, inputs, write, shared=True)
+        make_flow_table(pipeline, vehicle, stress_knots(vehicle), FLOWS, holds, failed={})
 
 
 def _content_of(path: Path, module: ModuleType) -> str:
@@ -520,26 +506,22 @@ def check_fit(vehicle: Vehicle, inverse_map: InverseMap, path: Path) -> None:
     InputError
         Names what differs, or a gauge is not on the vehicle's surface.
     """
-    layout, names = vehicle.gauges.layout, gauges_in_use(vehicle).name
-    n = inverse_map.n_strain_gauges
-    if inverse_map.gauge_names[:n] != names:
-        raise InputError(
-            f"{path}: expected the {len(names)} gauges of layout '{layout}', got {n} gauges, "
-            f"the first named {inverse_map.gauge_names[0]}"
-        )
-    expected_sensors, sensors = sensor_names_of(vehicle), inverse_map.gauge_names[n:]
-    if sensors != expected_sensors:
-        raise InputError(
-            f"{path}: expected the {len(expected_sensors)} auxiliary sensors of the section [sensors], got "
-            f"{len(sensors)}: {', '.join(sensors)[:80] or 'none'}"
-        )
-    if (vehicle.mass is not None) != inverse_map.has_masses:
-        wanted, got = ("with", "without") if vehicle.mass is not None else ("without", "with")
-        raise InputError(f"{path}: expected a map {wanted} masses as the vehicle file has them, got one {got}")
-    reference = vehicle.reference_quantities()
-    for name, expected, got_value in (
-        ("reference area [m2]", reference.area, inverse_map.reference_area),
-        ("reference length [m]", reference.length, inverse_map.reference_length),
-    ):
-        if abs(got_value - expected) > 1e-6 * expected:
-            raise InputError(f"{path}: {name}: expected {expected:.6g} of the vehicle, got {got_value:.6g}")
+    n, reference = inverse_map.n_strain_gauges, vehicle.reference_quantities()
+    masses = ("without masses", "with masses")
+    entries = {
+        f"gauges of layout '{vehicle.gauges.layout}'": (gauges_in_use(vehicle).name, inverse_map.gauge_names[:n]),
+        "auxiliary sensors": (sensor_names_of(vehicle), inverse_map.gauge_names[n:]),
+        "map": (masses[vehicle.mass is not None], masses[inverse_map.has_masses]),
+        "reference area [m2]": (f"{reference.area:.6g}", f"{inverse_map.reference_area:.6g}"),
+        "reference length [m]": (f"{reference.length:.6g}", f"{inverse_map.reference_length:.6g}"),
+    }
+    misfits = [
+        Misfit(entry=entry, expected=_in_words(expected), actual=_in_words(actual))
+        for entry, (expected, actual) in entries.items()
+        if expected != actual
+    ]
+    refuse_misfits(path, misfits)
+
+
+def _in_words(value: str | Sequence[str]) -> str:
+    return value if isinstance(value, str) else f"{len(value)}: {', '.join(value)[:80] or 'none'}"

@@ -8,6 +8,8 @@ from math import degrees
 from pathlib import Path
 from typing import TypeVar
 
+import numpy as np
+
 from builder.aero.engine import Engine
 from builder.aero.engines.registry import make_engine
 from builder.campaign.failures import extreme_conditions, flows_out_of_reach
@@ -23,8 +25,9 @@ from builder.reporting import Reporter
 from builder.structure.as_built.as_built_structure import refuse_unheld
 from builder.structure.as_built.displaced_structure import refuse_untestable
 from builder.structure.gauge_checks import check_gauges, gauges_at_breaks
-from builder.truth.independent_model import other_physics, refuse_without_independent_model
-from builder.truth.revolution.flow_table import truth_engine, truth_keys, truth_knots
+from builder.truth.flights import other_physics
+from builder.truth.revolution.flow_table import flow_keys, truth_engine, truth_knots
+from builder.truth.shape import refuse_without_independent_model
 from builder.vehicle.file import Vehicle, load_vehicle
 from builder.vehicle.map_needs import check_map_size, doubtful_entries, unused_entries
 from builder.vehicle.named_file import named
@@ -122,7 +125,8 @@ def _manoeuvre(vehicle: Vehicle, conditions: Sequence[FlightCondition]) -> Traje
     trajectory = load_trajectory(path, tuple(vehicle.conditions.parameters))
     check_parameters(vehicle, trajectory, conditions, path)
     if vehicle.is_axisymmetric:
-        check_envelope(*truth_knots(vehicle), trajectory, path)
+        mach, incidence = truth_knots(vehicle)
+        check_envelope(mach, np.append(0.0, incidence), trajectory, path)
     return trajectory
 
 
@@ -136,7 +140,7 @@ def _out_of_reach(
         yield f"conditions: {line}"
     if not vehicle.has_flow_table:
         return
-    of_truth = sorted(truth_keys(vehicle))
+    of_truth = sorted(flow_keys(*truth_knots(vehicle)))
     mach, incidence = ([key[axis] for key in of_truth] for axis in (0, 1))
     corners = [(m, a) for m in (min(mach), max(mach)) for a in (min(incidence), max(incidence))]
     for line in flows_out_of_reach(truth_engine(vehicle), corners, reporter, "Flow: corners of the flight model"):

@@ -124,14 +124,12 @@ class Built(Section):
     set : single errors by kind, in the unit of the entry that states their size.
     signs : whether each of these gets a sign of its own, drawn.
     middle : errors of the gauges of the middle third alone, in the same units.
-    of_stated : an error that is set is at least so many times its stated size.
     """
 
     stated: float = Field(default=0.0, ge=0.0)
     set: dict[str, float] = Field(default_factory=dict)
     signs: bool = False
     middle: dict[str, float] = Field(default_factory=dict)
-    of_stated: float = 0.0
 
     def with_errors(self, vehicle: AsBuilt, random: np.random.Generator) -> AsBuilt:
         """Return ``vehicle``, or several at once, with the single errors."""
@@ -197,7 +195,7 @@ class Case(Section):
 
     Attributes
     ----------
-    error, size : names; ``{}`` in the size stands for the error that is set.
+    error, size : names.
     what : what is done, and why the case is of its class.
     when : properties of the vehicle that the case needs, of :data:`PROPERTIES`; ``not`` before one negates it.
     each_stated : stands for a row for each stated error alone, of so many times its size.
@@ -405,14 +403,6 @@ def _rows(case: Case, vehicle: Vehicle) -> list[Case]:
     changes: dict[str, Any] = {"group": _class_of(case, vehicle)}
     if not vehicle.is_axisymmetric and case.where.is_beyond:
         changes["draws"] = FEWER_BEYOND * case.draws
-    if case.as_built.of_stated:
-        least = case.as_built.of_stated
-        sizes = {
-            name: max(value, least * float(getattr(vehicle.noise, KINDS[name].entry)))
-            for name, value in case.as_built.set.items()
-        }
-        changes["as_built"] = case.as_built.model_copy(update={"set": sizes, "of_stated": 0.0})
-        changes["size"] = case.size.format(*(f"{size:g}" for size in sizes.values()))
     return [case.model_copy(update=changes)]
 
 

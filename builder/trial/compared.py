@@ -34,11 +34,11 @@ from builder.inverse.build import build_inverse_map
 from builder.inverse.problem import AnyStructure
 from builder.manifold.nonlinear_build import with_manifold
 from builder.processors import one_thread_of_blas
-from builder.trial.bound import KNOWN, cramer_rao_bound
+from builder.trial.bound import KNOWN, cramer_rao_bound, without_field_errors
 from builder.trial.cases import Case
 from builder.trial.conditions import drawn_altitudes_km
 from builder.trial.estimators import EstimateReadings, Estimates, estimate_of, with_inputs
-from builder.trial.readings import ANGLES, Readings, World
+from builder.trial.readings import ANGLES, Readings, World, field_errors
 from builder.truth.revolution.flow_table import FlowTable, ratio_at, truth_surface
 from builder.truth.shape import at_conditions, on_nodes
 from builder.vehicle.file import Vehicle
@@ -50,10 +50,11 @@ from strainfmu.estimator.air_inputs import AIR_DATA_NAMES, DYNAMIC_PRESSURE, MAC
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.flight_tables import LOG_PRESSURE, MACH, U, W, evaluate
-from strainfmu.estimator.map.inverse_map import PAIRS, PER_PRESSURE, InverseMap
+from strainfmu.estimator.map.inverse_map import PER_PRESSURE, InverseMap
 from strainfmu.estimator.map.nonlinear_map import ManifoldMap
 from strainfmu.estimator.other_loads import FIVE_LOADS
 from strainfmu.estimator.reference.air import air_data_at
+from strainfmu.estimator.reference.nonlinear import strain_covariance
 
 LINEAR_1, LINEAR_2, NONLINEAR, RANDOM_WALK = "linear Case 1", "linear Case 2", "nonlinear", "Kalman filter"
 
@@ -91,6 +92,9 @@ DISCREPANCY = {
 
 ALTITUDES_KM = (15.0, 28.0)
 """Of training flights, where the map holds there."""
+
+PIECE = 500
+"""Flights at a time whose errors are drawn: their covariances are n_d by n_d each."""
 
 
 def refuse_unknown(names: Sequence[str]) -> None:
@@ -170,7 +174,6 @@ class ComparedWorld(World):
         conditions, nodes = self.flights(case).conditions, mesh_of(self.map_structure.surface)
         if isinstance(self.flows, Snapshots):
             flows = at_conditions(self.flows, conditions)
-            assert flows is not None
             return on_nodes(flows.surface, flows.pressure, nodes)
         assert isinstance(self.flows, FlowTable)
         surface = truth_surface(self.vehicle)
@@ -263,15 +266,8 @@ def training_flights(
     state[:, MACH] = random.uniform(manifold.mach_range[0], manifold.mach_range[1], count)
     high, low = (np.log(pressure_and_temperature(1e3 * height)[0]) for height in altitudes_km)
     state[:, LOG_PRESSURE] = random.uniform(low, high, count)
-    response, n_d = evaluate(manifold.tables, state).value, manifold.tables.n_gauges
     pressure, mach = np.exp(state[:, LOG_PRESSURE]), state[:, MACH]
-    strain, loads = with_drawn_errors(
-        manifold=manifold,
-        pressure=pressure,
-        strain=response[:, :n_d],
-        loads=response[:, n_d:],
-        random=random,
-    )
+    strain, loads = with_drawn_errors(manifold, state, random)
     dynamic = 0.5 * HEAT_CAPACITY_RATIO * mach**2 * pressure
     known = {
         DYNAMIC_PRESSURE: dynamic * (1.0 + manifold.dynamic_pressure_error * random.standard_normal(count)),
@@ -283,34 +279,19 @@ def training_flights(
 
 
 def with_drawn_errors(
-    manifold: ManifoldMap,
-    pressure: FloatArray,
-    strain: FloatArray,
-    loads: FloatArray,
-    random: np.random.Generator,
+    manifold: ManifoldMap, state: FloatArray, random: np.random.Generator
 ) -> tuple[FloatArray, FloatArray]:
-    """Return ``strain`` (k, n_d) and ``loads`` (k, 5) of the tables at ``pressure`` (k,) with all errors drawn.
+    """Return strain (k, n_d) and loads (k, 5) of the tables at ``state`` (k, 4) with all errors of the map drawn.
 
     Strain then has the covariance of :func:`~strainfmu.estimator.reference.nonlinear.strain_covariance`.
     """
-    k, n_d = strain.shape
-    p = pressure[:, None]
-
-    def normal(n: int) -> FloatArray:
-        return random.standard_normal((k, n))
-
-    discrepancy = normal(manifold.error_strain.shape[1])
-    c = np.hstack([np.ones((k, 1)), loads / (p * manifold.references)])
-    first, second = np.array(PAIRS).T
-    of_gauge = np.sqrt(np.maximum((c[:, first] * c[:, second]) @ manifold.gauge_error_product, 0.0))
-    common = np.einsum("ka,tan,kt->kn", c, manifold.common_error, normal(len(manifold.common_error)))
-    root = np.linalg.cholesky(manifold.gauge_covariance)
-    read = (
-        strain * (1.0 + manifold.gain_std * normal(n_d) + manifold.common_gain * normal(1))
-        + p * (of_gauge * normal(n_d) + common + discrepancy @ manifold.error_strain.T)
-        + normal(n_d) @ root.T
-    )
-    return read, loads + p * (discrepancy @ manifold.error_load[FIVE_LOADS].T)
+    strain, loads = field_errors(manifold, state, random)
+    response, n_d = evaluate(manifold.tables, state).value, strain.shape[1]
+    sound, noise = without_field_errors(manifold), list[FloatArray]()
+    for part in np.array_split(state, ceil(len(state) / PIECE)):
+        root = np.linalg.cholesky(strain_covariance(sound, sound.gauge_covariance, part))
+        noise.append((root @ random.standard_normal((len(part), n_d, 1)))[:, :, 0])
+    return response[:, :n_d] + strain + np.concatenate(noise), response[:, n_d:][:, FIVE_LOADS] + loads
 
 
 STEP_STD = 0.1

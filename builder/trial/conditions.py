@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from math import degrees, hypot, pi, radians
+from math import degrees, pi, radians
 from typing import Any, Literal
 
 import numpy as np
@@ -22,6 +22,7 @@ from builder.vehicle.file import Vehicle
 from builder.vehicle.toml.toml_sections import Altitude, Section
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import FlowReachError, InputError
+from strainfmu.estimator.air_inputs import STATIC_PRESSURE
 from strainfmu.flight_condition import FlightCondition
 
 ALTITUDES_KM = (12.0, 30.0)
@@ -53,11 +54,9 @@ class Where(Section):
     altitudes : of the conditions of the vehicle file, or 12 to 30 km as far as the map holds there.
     altitudes_km : range that is drawn, as far as the map holds there.
     altitude_km : the same altitude for all.
-    square : angle of attack and sideslip of a body of revolution are each uniform up to this part of the smaller
-        of their largest listed values, or in the disc of the envelope where only one of them is listed.
-    incidence : range of the total incidence, over the largest of the envelope, at any roll angle of the wind.
-    incidence_deg : the same [deg], on the flows of a body of revolution.
-    from_deg : smallest total incidence [deg], where the envelope goes that far.
+    incidence : range of the total incidence of a body of revolution, over the largest of the envelope, at any roll
+        angle of the wind.
+    incidence_deg : the same [deg], as far as the envelope goes.
     edge : range of one angle, of attack or sideslip, of half its range off its middle, for shapes whose angles
         have ranges of their own. An end of a range at 0 is no edge: a symmetric body has mirror images there.
     mach : the Mach number, below 1 over the smallest and above 1 over the largest of the envelope.
@@ -67,10 +66,8 @@ class Where(Section):
     altitudes: Literal["listed", "map"] = "listed"
     altitudes_km: Pair | None = Field(default=None, min_length=2, max_length=2)
     altitude_km: Altitude | None = None
-    square: float | None = Field(default=None, gt=0.0, le=1.0)
     incidence: Pair | None = Field(default=None, min_length=2, max_length=2)
     incidence_deg: Pair | None = Field(default=None, min_length=2, max_length=2)
-    from_deg: float | None = None
     edge: Pair | None = Field(default=None, min_length=2, max_length=2)
     mach: float | None = Field(default=None, gt=0.0)
     mirrored: bool = False
@@ -99,11 +96,8 @@ def flown_conditions(
     if where.mirrored:
         conditions = [_mirrored(condition, vehicle, random) for condition in conditions]
     if (band := _incidences(where, vehicle)) is not None:
-        largest = envelope_incidence(vehicle)
-        _refuse_beyond(table, incidence=band[1] * largest)
-        conditions = [
-            at_any_roll(condition, float(random.uniform(*band)) * largest, random) for condition in conditions
-        ]
+        _refuse_beyond(table, incidence=band[1])
+        conditions = [at_any_roll(condition, float(random.uniform(*band)), random) for condition in conditions]
     if where.mach is not None:
         listed = vehicle.conditions.mach_number
         mach = where.mach * (min(listed) if where.mach < 1.0 else max(listed))
@@ -124,50 +118,32 @@ def _inside(
         heights = drawn_altitudes_km(vehicle, (where.altitudes_km[0], where.altitudes_km[1]))
     if table is None:
         return conditions_in_ranges(vehicle, heights, count, random)
-    if where.square is not None:
-        return _in_square(where.square, vehicle, heights, count, random)
-    band = None
-    if where.incidence_deg is not None:
-        band = radians(where.incidence_deg[0]), radians(where.incidence_deg[1])
-        _refuse_beyond(table, incidence=band[1])
-    conditions = held_out_conditions(vehicle, table, count, random, band)
-    if not listed:
+    conditions = held_out_conditions(vehicle, table, count, random)
+    if not listed and where.altitudes_km is None:
         return conditions
     return [replace(condition, altitude=1e3 * float(random.uniform(*heights))) for condition in conditions]
 
 
-def _in_square(
-    part: float, vehicle: Vehicle, heights_km: tuple[float, float], count: int, random: np.random.Generator
-) -> list[FlightCondition]:
-    angle, largest = square_angle(part, vehicle), largest_incidence(vehicle)
-    half = largest if angle is None else angle
-    return uniform_conditions(
-        count,
-        random,
-        ranges=[(-half, half), (-half, half), range_of(vehicle.conditions.mach_number), heights_km],
-        made=lambda alpha, beta, mach, height: FlightCondition(mach, alpha, beta, 1e3 * height),
-        is_inside=lambda condition: (
-            angle is not None or hypot(condition.angle_of_attack, condition.sideslip_angle) <= largest
-        ),
-    )
-
-
-def square_angle(part: float, vehicle: Vehicle) -> float | None:
-    """Return the largest angle of attack and sideslip [rad] of a square; None for the disc of the envelope."""
-    entry = vehicle.conditions
-    listed = (entry.angle_of_attack_deg, entry.sideslip_angle_deg)
-    largest = min(max(map(abs, angles), default=0.0) for angles in listed)
-    return radians(part * largest) if largest > 0.0 else None
-
-
 def _incidences(where: Where, vehicle: Vehicle) -> tuple[float, float] | None:
-    """Return the range of total incidences over the largest of the envelope; None where nothing asks for it."""
-    if where.incidence is not None:
-        return where.incidence[0], where.incidence[1]
-    if where.from_deg is None or not vehicle.is_axisymmetric:
+    """Return the range of total incidences [rad]; None where nothing asks for it, and of another shape than a body
+    of revolution.
+
+    Raises
+    ------
+    FlowReachError
+        The envelope does not go as far.
+    """
+    largest = envelope_incidence(vehicle)
+    if not vehicle.is_axisymmetric:
         return None
-    least = where.from_deg / degrees(envelope_incidence(vehicle))
-    return (least, 1.0) if least < 1.0 else None
+    if where.incidence is not None:
+        return where.incidence[0] * largest, where.incidence[1] * largest
+    if where.incidence_deg is None:
+        return None
+    low, high = radians(where.incidence_deg[0]), radians(where.incidence_deg[1])
+    if low >= largest:
+        raise FlowReachError(f"total incidence [deg]: {degrees(low):g} needed, got {degrees(largest):.4g} at most")
+    return low, min(high, largest)
 
 
 def at_any_roll(condition: FlightCondition, incidence: float, random: np.random.Generator) -> FlightCondition:
@@ -236,15 +212,10 @@ def is_inside(where: Where, vehicle: Vehicle) -> bool:
     return symmetric or not where.mirrored
 
 
-def stress_knots(vehicle: Vehicle, square: float | None = None) -> tuple[FloatArray, FloatArray]:
-    """Return Mach numbers (n_M,) and positive total incidences (n_a,) [rad] of flows, beyond the envelope; of
-    flights in a ``square`` alone up to their largest incidence."""
-    listed, reach, largest = vehicle.conditions.mach_number, MACH_REACH, envelope_incidence(vehicle)
-    largest = (1.0 + INCIDENCE_REACH) * largest
-    if square is not None:
-        angle, reach = square_angle(square, vehicle), 0.0
-        largest = 1.01 * (largest_incidence(vehicle) if angle is None else float(np.arccos(np.cos(angle) ** 2)))
-    mach = np.linspace((1.0 - reach) * min(listed), (1.0 + reach) * max(listed), MACH_KNOTS)
+def stress_knots(vehicle: Vehicle) -> tuple[FloatArray, FloatArray]:
+    """Return Mach numbers (n_M,) and positive total incidences (n_a,) [rad] of flows, beyond the envelope."""
+    listed, largest = vehicle.conditions.mach_number, (1.0 + INCIDENCE_REACH) * envelope_incidence(vehicle)
+    mach = np.linspace((1.0 - MACH_REACH) * min(listed), (1.0 + MACH_REACH) * max(listed), MACH_KNOTS)
     incidence = largest * np.arange(1, INCIDENCE_KNOTS + 1) / INCIDENCE_KNOTS
     return np.round(mach, 9), np.round(incidence, 9)
 
@@ -272,16 +243,12 @@ def drawn_altitudes_km(vehicle: Vehicle, wanted_km: tuple[float, float] = ALTITU
 
 
 def held_out_conditions(
-    vehicle: Vehicle,
-    table: FlowTable,
-    count: int,
-    random: np.random.Generator,
-    band: tuple[float, float] | None = None,
+    vehicle: Vehicle, table: FlowTable, count: int, random: np.random.Generator
 ) -> list[FlightCondition]:
     """Return ``count`` conditions that map and ``table`` both cover.
 
-    With full symmetry the total incidence is uniform from 0, or in ``band`` [rad], and the roll angle of the wind
-    is any; as listed, angle of attack and sideslip are uniform in their ranges.
+    With full symmetry the total incidence is uniform from 0, and the roll angle of the wind is any; as listed,
+    angle of attack and sideslip are uniform in their ranges.
 
     Raises
     ------
@@ -294,9 +261,9 @@ def held_out_conditions(
     if lowest > highest:
         known = f"{table.mach_knots[0]:g} .. {table.mach_knots[-1]:g}, of the flows of the independent model"
         raise InputError(f"conditions.mach_number: expected some within {known}, got {entry.mach_number}")
-    is_rolled = band is not None or vehicle.map.symmetry == "full"
-    of_wind = [band or (0.0, incidence), (0.0, 2.0 * pi)]
-    angles = of_wind if is_rolled else [range_of(entry.angle_of_attack_deg), range_of(entry.sideslip_angle_deg)]
+    is_rolled, angles = vehicle.map.symmetry == "full", [(0.0, incidence), (0.0, 2.0 * pi)]
+    if not is_rolled:
+        angles = [range_of(entry.angle_of_attack_deg), range_of(entry.sideslip_angle_deg)]
 
     def made(first: float, second: float, mach: float, height: float) -> FlightCondition:
         alpha, beta = wind_angles(first, second) if is_rolled else (radians(first), radians(second))
@@ -307,7 +274,7 @@ def held_out_conditions(
         random,
         ranges=[*angles, (lowest, highest), drawn_altitudes_km(vehicle)],
         made=made,
-        is_inside=lambda condition: band is not None or condition.total_incidence <= incidence,
+        is_inside=lambda condition: condition.total_incidence <= incidence,
     )
 
 
@@ -350,11 +317,17 @@ def range_of(values: Sequence[float]) -> tuple[float, float]:
     return min(values), max(values)
 
 
+def quantities(conditions: Sequence[FlightCondition], name: str) -> FloatArray:
+    """Return (k,) a quantity of ``conditions`` by the name of an estimator's argument, or its own."""
+    attribute = "ambient_pressure" if name == STATIC_PRESSURE else name
+    return np.array([float(getattr(condition, attribute)) for condition in conditions])
+
+
 def flight_states(conditions: Sequence[FlightCondition]) -> FloatArray:
     """Return (k, 4) the flight states of ``conditions``: M, u, w [rad] and ln p_inf, as tables over them have."""
     mach, incidence, roll = flow_states(conditions)
-    pressure = np.array([condition.ambient_pressure for condition in conditions])
-    return np.column_stack([mach, incidence * np.cos(roll), incidence * np.sin(roll), np.log(pressure)])
+    pressure = np.log(quantities(conditions, STATIC_PRESSURE))
+    return np.column_stack([mach, incidence * np.cos(roll), incidence * np.sin(roll), pressure])
 
 
 def wind_angles(total_incidence: float, roll_angle: float) -> tuple[float, float]:
@@ -425,14 +398,13 @@ class Motion(Section):
         step = radians(self.step_deg) * np.mod(np.floor(time + phase), 2.0)
         return np.asarray(swing * np.sin(phase) * 0.5 + gust + step)
 
-    def gives(self, roll_angle: FloatArray, random: np.random.Generator) -> BoolArray:
-        """Return (n, n_d) whether each gauge, at ``roll_angle`` (n_d,) [rad], gives a reading."""
+    def gives(self, rows: FloatArray, random: np.random.Generator) -> BoolArray:
+        """Return (n, n_d) whether each gauge, of ``rows`` (n_d,) [deg], gives a reading."""
         time, middle = self.time, 0.5 * self.seconds
-        reads = np.ones((len(time), len(roll_angle)), dtype=bool)
+        reads = np.ones((len(time), len(rows)), dtype=bool)
         if self.lost_rows:
-            rows = np.round(np.mod(roll_angle, 2.0 * pi), 6)
             first = random.choice(np.unique(rows))
-            opposite = np.isclose(np.cos(rows - first), -1.0)
+            opposite = np.abs(rows - first) == 180.0
             lost = (rows == first) | (opposite & (self.lost_rows > 1))
             reads[np.ix_(time >= middle, lost)] = False
         if self.no_strain > 0.0:

@@ -55,7 +55,7 @@ class Estimates:
 
     def rows(self, rows: IntArray) -> Estimates:
         """Return the samples ``rows`` alone."""
-        return Estimates(**{name: chosen(value, rows, len(self.value)) for name, value in vars(self).items()})
+        return Estimates(**{name: chosen(value, rows) for name, value in vars(self).items()})
 
 
 EstimateReadings = Callable[[Readings], Estimates]
@@ -104,8 +104,8 @@ def of_estimator(estimator: Estimator) -> EstimateReadings:
     def estimate(read: Readings) -> Estimates:
         if read.time is None:
             return estimates_from(estimate_of(estimator, read))
-        along, known = _at_ends if read.strain.ndim > 2 else _along, known_by(estimator, read.known)
-        return along(estimator, replace(read, known=known), read.time)
+        given = replace(read, known=known_by(estimator, read.known))
+        return _at_ends(estimator, given) if read.strain.ndim > 2 else _along(estimator, given)
 
     return estimate
 
@@ -142,36 +142,34 @@ def estimates_from(made: Estimate, air_data: Sequence[str] = ()) -> Estimates:
     return Estimates(value=value, std=std, health=np.asarray(made.health, dtype=np.int64))
 
 
-def _along(estimator: Estimator, read: Readings, time: FloatArray) -> Estimates:
+def _along(estimator: Estimator, read: Readings) -> Estimates:
     """Return the estimates along the flight of each vehicle."""
     tracks = []
     for number in dict.fromkeys(read.vehicle.tolist()):
-        of_flight = read.rows(np.flatnonzero(read.vehicle == number))
+        of_flight, rows = read.rows(np.flatnonzero(read.vehicle == number)), read.vehicle == number
         track = estimator.filter(estimator.filter_time_constant)
-        made = track.track(of_flight.strain, time=time[read.vehicle == number], **of_flight.known)
+        made = track.track(of_flight.strain, time=np.asarray(read.time)[rows], **of_flight.known)
         tracks.append(estimates_from(made, ANGLES))
     return together(tracks)
 
 
-def _at_ends(estimator: Estimator, read: Readings, time: FloatArray) -> Estimates:
+def _at_ends(estimator: Estimator, read: Readings) -> Estimates:
     """Return the estimates at the ends of short flights, each processor a part of them with a track of its own."""
-    count = len(read.strain)
 
-    def of_part(numbers: IntArray) -> list[tuple[FloatArray, FloatArray, int]]:
-        track, ends = estimator.filter(estimator.filter_time_constant), []
-        for k in numbers.tolist():
+    def of_part(rows: IntArray) -> list[Estimates]:
+        track, part = estimator.filter(estimator.filter_time_constant), read.rows(rows)
+        ends = list[Estimates]()
+        for k in range(len(rows)):
             track.restart()
-            last = track.track(read.strain[k], time=time, **chosen(read.known, k, count))[-1]
-            ends.append((last.coefficients, last.coefficients_std, int(last.health)))
+            made = track.track(part.strain[k], time=np.asarray(read.time), **chosen(part.known, k))
+            ends.append(estimates_from(made[-1:]))
         return ends
 
-    parts = np.array_split(np.arange(count), max(1, min(count, processors())))
+    parts = np.array_split(np.arange(len(read.strain)), processors())
     with ThreadPoolExecutor(len(parts)) as pool:
-        value, std, health = zip(*(end for part in pool.map(of_part, parts) for end in part), strict=True)
-    return Estimates(value=np.array(value), std=np.array(std), health=np.array(health))
+        return together([end for part in pool.map(of_part, parts) for end in part])
 
 
 def together(parts: list[Estimates]) -> Estimates:
     """Return the estimates of ``parts`` one after another."""
-    counts = [len(part.value) for part in parts]
-    return Estimates(**{name: stacked([getattr(part, name) for part in parts], counts) for name in vars(parts[0])})
+    return Estimates(**{name: stacked([getattr(part, name) for part in parts]) for name in vars(parts[0])})

@@ -12,6 +12,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from pydantic import Field
 
+from builder.aero.surface.mesh import mesh_of_grid
 from builder.inverse.noise.inertia import UNLISTED, strain_by_inertia
 from builder.inverse.noise.thermal import thermal_structure
 from builder.structure.fourier.fourier_model import place_layouts
@@ -22,14 +23,13 @@ from builder.structure.loads.applied import STANDARD_GRAVITY
 from builder.structure.loads.gauge_strain import gauge_strain, gauge_temperature
 from builder.structure.loads.temperature import temperature_mode
 from builder.structure.wall import wall_of
+from builder.truth.revolution.flow_table import truth_surface
 from builder.vehicle.file import Vehicle
 from builder.vehicle.model_entries import Resolutions
-from builder.vehicle.shape.geometry import surface_grid
 from builder.vehicle.structure.section import Mass, Temperature, TemperatureSensor
 from builder.vehicle.toml.toml_sections import Section
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.errors import InputError
-from strainfmu.estimator.map.inverse_map import InverseMap
 
 MICRO = 1e-6
 
@@ -40,6 +40,11 @@ class Gauges(NamedTuple):
     station: FloatArray
     roll_angle: FloatArray
     noise_std: FloatArray
+
+    @property
+    def row(self) -> FloatArray:
+        """(n_d,) the row of each: its roll angle, 0 to 360, rounded [deg]."""
+        return np.asarray(np.mod(np.round(np.degrees(self.roll_angle), 3), 360.0))
 
 
 class Fault(Section):
@@ -101,8 +106,7 @@ class Fault(Section):
 
 def opposite_rows(gauges: Gauges) -> list[tuple[float, IntArray, IntArray]]:
     """Return angle [rad] and gauges of each pair of opposite rows of equal stations."""
-    roll = np.mod(np.round(np.degrees(gauges.roll_angle), 3), 360.0)
-    pairs = []
+    roll, pairs = gauges.row, []
     for angle in np.unique(roll[roll < 180.0]):
         near, far = np.flatnonzero(roll == angle), np.flatnonzero(roll == angle + 180.0)
         if len(near) == len(far) and np.allclose(gauges.station[near], gauges.station[far]):
@@ -145,15 +149,15 @@ class Lost(Section):
     sets: int = Field(default=20, ge=1)
     samples: int = Field(default=0, ge=0)
 
-    def in_use(self, inverse_map: InverseMap, random: np.random.Generator) -> dict[str, BoolArray]:
-        """Return the gauges that are in use (n_d,), by the name of what is lost.
+    def in_use(self, roll: FloatArray, axial: BoolArray, random: np.random.Generator) -> dict[str, BoolArray]:
+        """Return the gauges that are in use (n_d,), by the name of what is lost; ``roll`` (n_d,) are their rows
+        [deg], ``axial`` (n_d,) the gauges that read along the axis.
 
         Raises
         ------
         NoSuchGaugesError
             The layout has no such set.
         """
-        roll, axial = gauge_rows(inverse_map)
         rows, n_d, sets = np.unique(roll).tolist(), len(roll), dict[str, BoolArray]()
         if self.gauges == "rows":
             for lost in combinations(rows, self.count):
@@ -176,62 +180,33 @@ class Lost(Section):
         return sensible
 
 
-def gauge_rows(inverse_map: InverseMap) -> tuple[FloatArray, BoolArray]:
-    """Return the roll angle (n_d,) [deg] of the meridian that each gauge is on, and whether it reads along the
-    axis."""
-    _, y, z = inverse_map.gauge_position.T
-    roll = np.round(np.mod(np.degrees(np.arctan2(y, z)), 360.0), 3) % 360.0
-    return np.asarray(roll), np.abs(inverse_map.gauge_direction[:, 0]) > np.sqrt(0.5)
-
-
 PER_100K, CELSIUS = 1e-4, 273.15
 
 SENSOR_STATIONS = (0.11, 0.36, 0.61, 0.86)
 """Of the standard sensors, over the length of the body; one on each surface of the wall."""
 
 
-class AtEnd(NamedTuple):
-    """The end of a heating: strain [m/m] and rise [K] of the gauges (n_d,), and rise at the sensors (n_t,) [K]."""
-
-    strain: FloatArray
-    rise: FloatArray
-    at_sensors: FloatArray
+AtEnd = tuple[FloatArray, FloatArray, FloatArray]
+"""The end of a heating: strain [m/m] and rise [K] of the gauges (n_d,), and rise at the sensors (n_t,) [K]."""
 
 
 class Heating(Section):
-    """Rise at the end of the heating.
-
-    Attributes
-    ----------
-    nose_K, aft_K : of the wall at nose and base [K].
-    through_wall_K : outer less inner surface at the nose [K].
-    side_percent : what one side is warmer by, of the rise.
-    """
+    """Rise of the wall at the end of the heating, at nose and base [K]."""
 
     nose_K: float = Field(default=0.0, ge=0.0)
     aft_K: float = Field(default=0.0, ge=0.0)
-    through_wall_K: float = 0.0
-    side_percent: float = 0.0
 
     def at_end(self, vehicle: Vehicle) -> AtEnd:
         """Return what gauges and sensors get at the end of it."""
         entry = temperature_of(vehicle)
         resolution = Resolutions(map=vehicle.resolution.truth, truth=vehicle.resolution.truth)
         structure = thermal_structure(vehicle.model_copy(update={"resolution": resolution}), entry)
-        ends = np.array([0.0, vehicle.body().length])
-        rise, through = np.array([self.nose_K, self.aft_K]), np.array([self.through_wall_K, 0.0])
-        fields = [
-            temperature_mode(ends, rise, through_wall=through),
-            temperature_mode(ends, 0.01 * self.side_percent * rise, harmonic=1, roll_angle=0.7),
-        ]
+        ends, rise = np.array([0.0, vehicle.body().length]), np.array([self.nose_K, self.aft_K])
+        field = temperature_mode(ends, rise)
         x = np.array([sensor.x_m for sensor in entry.sensor])
         roll = np.radians([sensor.roll_angle_deg for sensor in entry.sensor])
         depth = np.array([float(sensor.surface == "outer") for sensor in entry.sensor])
-        return AtEnd(
-            strain=gauge_strain(structure, fields),
-            rise=np.sum([gauge_temperature(structure, field) for field in fields], axis=0),
-            at_sensors=np.sum([field.at(x, roll, depth) for field in fields], axis=0),
-        )
+        return gauge_strain(structure, [field]), gauge_temperature(structure, field), field.at(x, roll, depth)
 
 
 def standard_temperature(length: float) -> Temperature:
@@ -261,16 +236,16 @@ def heated(
 ) -> tuple[FloatArray, FloatArray]:
     """Return readings (n, n_d) [m/m] of a wall that warms instead of isothermal ``strain``, and the temperature
     (n, n_t) that sensors measure [K]; ``scatter`` (n or 1, n_d) are standard normal numbers of the gauges."""
-    time = random.uniform(0.0, 1.0, (len(strain), 1))
-    warm = time * end.rise
+    time, (thermal, rise, at_sensors) = random.uniform(0.0, 1.0, (len(strain), 1)), end
+    warm = time * rise
     per_kelvin = MICRO * entry.apparent_strain_scatter_um_per_m_per_K * scatter
     powers = [MICRO * c * warm**k for k, c in enumerate(entry.apparent_strain_um_per_m, start=1)]
     sheet = sum(powers, start=per_kelvin * warm)
     softer = 1.0 + PER_100K * entry.modulus_percent_per_100K * warm
     factor = 1.0 + PER_100K * entry.gauge_factor_percent_per_100K * warm
     noise = [sensor.std_K for sensor in entry.sensor] * random.standard_normal((len(strain), len(entry.sensor)))
-    measured = entry.reference_degC + CELSIUS + time * end.at_sensors + noise
-    return np.asarray(factor * (strain / softer + time * end.strain + sheet)), measured
+    measured = entry.reference_degC + CELSIUS + time * at_sensors + noise
+    return np.asarray(factor * (strain / softer + time * thermal + sheet)), measured
 
 
 class Inertia(Section):
@@ -320,7 +295,8 @@ class AddedStrain:
     def friction(self, coefficient: float, dynamic_pressure: FloatArray) -> FloatArray:
         """Return (n, n_d) strain by an axial ``coefficient`` of friction that is even over the surface [m/m]."""
         force = coefficient * self.vehicle.reference_quantities().area * dynamic_pressure
-        return np.outer(force / self._area, self._by_friction)
+        area = mesh_of_grid(truth_surface(self.vehicle)).node_area.sum()
+        return np.outer(force / area, self._by_friction)
 
     def heat(
         self, heating: Heating, strain: FloatArray, vehicles: int, random: np.random.Generator
@@ -352,13 +328,6 @@ class AddedStrain:
             density=(0.0,) * (1 + len(mesh.materials)), covers=((0.0, vehicle.body().length, 1.0),)
         )
         return -inertia_strain(mesh, wall.material, gauges, {"": cover}, unit=0.0)[""][:, 0]
-
-    @cached_property
-    def _area(self) -> float:
-        """Area of the surface [m2], by frusta."""
-        grid = surface_grid(self.vehicle.body(), self.vehicle.resolution.truth.surface_stations, 4)
-        x, r = grid.x, grid.radius
-        return float(np.sum(np.pi * (r[1:] + r[:-1]) * np.hypot(np.diff(x), np.diff(r))))
 
 
 def _across(angle: FloatArray) -> FloatArray:

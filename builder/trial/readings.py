@@ -22,16 +22,15 @@ from builder.structure.as_built.as_built_vehicle import AsBuilt
 from builder.structure.as_built_kinds import KINDS
 from builder.trial.bound import cramer_rao_bound
 from builder.trial.cases import Air, Built, Case
-from builder.trial.conditions import flight_states, flown_conditions
+from builder.trial.conditions import flight_states, flown_conditions, quantities
 from builder.trial.faults import MICRO, AddedStrain, Gauges
 from builder.trial.flows import Flow
 from builder.truth.flights import Flights, drawn_vehicle
-from builder.truth.revolution.flow_table import FlowTable, flow_states, harmonics_at
+from builder.truth.revolution.flow_table import FlowTable, flow_states, harmonics_at, knot_weights
 from builder.truth.revolution.strain import (
     FlyingSensors,
     TrueStructure,
-    flights_of_harmonics,
-    true_flights,
+    flights_of_flows,
     without_faint_harmonics,
 )
 from builder.truth.shape import ShapeStructure, at_conditions, on_nodes_of, shape_flights
@@ -39,7 +38,6 @@ from builder.vehicle.file import Vehicle
 from builder.vehicle.map.options import Noise
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, LAYERS, static_pressure_at
-from strainfmu.errors import FlowReachError
 from strainfmu.estimator.air_inputs import (
     ALTITUDE,
     ANGLE_ERROR,
@@ -55,6 +53,7 @@ from strainfmu.estimator.air_inputs import (
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.flight_tables import evaluate
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.map.nonlinear_map import ManifoldMap
 from strainfmu.estimator.signal_names import STRAIN, TEMPERATURE
 from strainfmu.flight_condition import FlightCondition
 
@@ -150,22 +149,20 @@ class World(Shared):
         if isinstance(structure, ShapeStructure):
             assert isinstance(flows, Snapshots)
             known = at_conditions(flows, conditions)
-            if known is None:
-                raise FlowReachError("none of its flows is within the solver's reach")
             if flow is not None:
-                pressure, share = known.pressure, _share(flow, known.pressure[:, :1], random)
+                pressure, share = known.pressure, flow.share(len(known.pressure), random)
                 change = flow.surface(vehicle, known).pressure - pressure
                 known = replace(known, pressure=pressure + share * change)
             return shape_flights(vehicle, structure, known, operator=self._operator)
         assert isinstance(flows, FlowTable)
-        table = flows if flow is None else flow.table(vehicle, flows)
         mach, incidence, _ = flow_states(conditions)
-        if flow is not None and flow.drawn:
-            nominal, changed = harmonics_at(flows, mach, incidence), harmonics_at(table, mach, incidence)
-            share = _share(flow, nominal[:, :1, :1], random)
-            flown = flights_of_harmonics(vehicle, structure, nominal + share * (changed - nominal), conditions)
-        else:
-            flown = true_flights(vehicle, structure, table, conditions)
+        table, solved, weights = flows, flows.flows, knot_weights(flows, mach, incidence)
+        if flow is not None:
+            table, share = flow.table(vehicle, flows), flow.share(len(conditions), random)
+            solved = np.concatenate([solved, table.flows])
+            even, odd = (np.hstack([(1.0 - share) * weight, share * weight]) for weight in weights)
+            weights = even, odd
+        flown = flights_of_flows(vehicle, structure, solved, weights, conditions)
         harmonic = None if self.sensors is None else harmonics_at(table, mach, incidence)
         return replace(without_faint_harmonics(flown), sensors=self.sensors, harmonic=harmonic)
 
@@ -201,19 +198,11 @@ class World(Shared):
         )
 
 
-def _share(flow: Flow, like: FloatArray, random: np.random.Generator | None) -> FloatArray | float:
-    """Return the part of its difference that each flight has, in the shape of ``like``."""
-    if not flow.drawn:
-        return 1.0
-    assert random is not None
-    return flow.drawn * random.standard_normal(like.shape)
-
-
 BATCH, LARGEST_BATCH = 20_000, 20_000 * 128
 """Samples that are read and estimated together, and the largest number of their readings: work for all processors,
 in memory that does not grow."""
 
-AMBIENT_PRESSURE, ANGLES = "ambient_pressure", ("angle_of_attack", "sideslip_angle")
+ANGLES = ("angle_of_attack", "sideslip_angle")
 
 Column = Callable[[str], FloatArray]
 """Returns a quantity of the flight condition of each sample (n,), by its name."""
@@ -228,8 +217,8 @@ class Readings:
     strain : (n, n_d) readings [m/m], of auxiliary sensors in units of their own; (n, s, n_d) where each sample is
         the last of s readings in a flight of its own.
     known : what else is known: arguments of :meth:`strainfmu.estimator.estimator.Estimator.estimate` by name,
-        each one value for all samples, (n,), (n, k), or a mapping of such. Where p_inf and altitude are both
-        given, an estimator takes the one that it knows.
+        each (n,), (n, k), or a mapping of such. Where p_inf and altitude are both given, an estimator takes the
+        one that it knows.
     truth : (n, m) of what is scored.
     vehicle, flight : (n,) numbers of what a sample is of: samples of one resemble each other.
     bound : (n, 5) Cramer-Rao bound of the coefficients [1]; None where it is not known.
@@ -263,24 +252,21 @@ class Readings:
 
     def rows(self, rows: IntArray | slice) -> Readings:
         """Return the samples ``rows`` alone."""
-        n = len(self.strain)
-        return replace(self, **{name: chosen(getattr(self, name), rows, n) for name in OF_SAMPLES})
+        return replace(self, **{name: chosen(getattr(self, name), rows) for name in OF_SAMPLES})
 
 
 OF_SAMPLES = (STRAIN, "known", "truth", "vehicle", "flight", "bound", "quiet")
 """Attributes of readings that are per sample."""
 
 
-def chosen(value: Any, rows: IntArray | slice, count: int) -> Any:
-    """Return the samples ``rows`` of a ``value`` of ``count`` samples: an array, one number for all, a mapping or
-    pair of such, or None."""
-    return _of_each([value], lambda array: (array if np.ndim(array) > 1 else np.broadcast_to(array, count))[rows])
+def chosen(value: Any, rows: IntArray | slice | int) -> Any:
+    """Return the samples ``rows`` of a ``value``: an array, a mapping or pair of such, or None."""
+    return _of_each([value], lambda array: array[rows])
 
 
-def stacked(values: Sequence[Any], counts: Sequence[int]) -> Any:
-    """Return ``values`` of parts of so many samples, each as :func:`chosen` takes it, one after another."""
-    parts = [chosen(value, slice(None), n) for value, n in zip(values, counts, strict=True)]
-    return _of_each(parts, lambda *arrays: np.concatenate(arrays))
+def stacked(values: Sequence[Any]) -> Any:
+    """Return ``values`` of parts, each as :func:`chosen` takes it, one after another."""
+    return _of_each(values, lambda *arrays: np.concatenate(arrays))
 
 
 def _of_each(values: Sequence[Any], function: Callable[..., FloatArray]) -> Any:
@@ -297,11 +283,11 @@ def _of_each(values: Sequence[Any], function: Callable[..., FloatArray]) -> Any:
 
 def joined(parts: Sequence[Readings]) -> Readings:
     """Return the samples of ``parts`` one after another; what is known in them has the same names."""
-    first, counts = parts[0], [len(part.strain) for part in parts]
+    first = parts[0]
     if len(parts) == 1:
         return first
     names = (*OF_SAMPLES, "time") if first.strain.ndim == 2 else OF_SAMPLES  # one time of all short flights
-    return replace(first, **{name: stacked([getattr(part, name) for part in parts], counts) for name in names})
+    return replace(first, **{name: stacked([getattr(part, name) for part in parts]) for name in names})
 
 
 def read_case(
@@ -388,17 +374,24 @@ def with_map_errors(inverse_map: InverseMap, read: Readings, random: np.random.G
     """
     manifold = inverse_map.manifold
     assert manifold is not None
-    states = read.states
+    strain, loads = field_errors(manifold, read.states, random)
+    q = quantities(read.conditions, DYNAMIC_PRESSURE)[read.flight, None]
+    truth = read.truth.copy()
+    truth[:, : loads.shape[1]] += loads / (q * manifold.references)
+    return replace(read, strain=read.strain + strain, truth=truth)
+
+
+def field_errors(
+    manifold: ManifoldMap, states: FloatArray, random: np.random.Generator
+) -> tuple[FloatArray, FloatArray]:
+    """Return errors of pressure and numerics, drawn, at ``states`` (n, 4): of strain (n, n_d), of loads (n, 5)."""
     followed = np.vstack([manifold.error_strain, manifold.error_load])
     columns = np.hstack([followed, manifold.considered_columns])
     errors = np.exp(states[:, 3:]) * (random.standard_normal((len(states), columns.shape[1])) @ columns.T)
     if (tables := manifold.considered_tables) is not None:
         errors += random.standard_normal((len(states), 1)) * evaluate(tables, states).value
-    q = np.array([condition.dynamic_pressure for condition in read.conditions])[read.flight, None]
-    n_d, five = manifold.n_gauges, len(manifold.references)
-    truth = read.truth.copy()
-    truth[:, :five] += errors[:, n_d : n_d + five] / (q * manifold.references)
-    return replace(read, strain=read.strain + errors[:, :n_d], truth=truth)
+    n_d = manifold.n_gauges
+    return errors[:, :n_d], errors[:, n_d : n_d + len(manifold.references)]
 
 
 def read_own_vehicles(
@@ -427,7 +420,7 @@ def read_motion(world: World, case: Case, number: int, random: np.random.Generat
     read = read_case(world, case, world.fly(conditions), number=number, random=random)
     n, time, known = len(conditions), motion.time, dict(read.known)
     strain = read.strain.copy()
-    strain[:, : len(world.gauges.station)][~motion.gives(world.gauges.roll_angle, random)] = np.nan
+    strain[:, : len(world.gauges.station)][~motion.gives(world.gauges.row, random)] = np.nan
     if motion.no_strain > 0.0:
         strain[np.isnan(strain).any(axis=1)] = np.nan
     known[MACH_NUMBER] = known[MACH_NUMBER] + motion.mach_drift * time
@@ -442,14 +435,13 @@ def navigation_at(conditions: Sequence[FlightCondition], repeats: int = 1) -> di
 
     Each is a measurement of its own, and so is the dynamic pressure that is given with them.
     """
-    names = {MACH_NUMBER: MACH_NUMBER, STATIC_PRESSURE: AMBIENT_PRESSURE, ALTITUDE: ALTITUDE}
-    known = {argument: _column(conditions, name, repeats) for argument, name in names.items()}
-    return {**known, Q_SOURCE: float(QSource.INDEPENDENT)}
+    known = {name: _column(conditions, name, repeats) for name in (MACH_NUMBER, STATIC_PRESSURE, ALTITUDE)}
+    return {**known, Q_SOURCE: np.full(repeats * len(conditions), float(QSource.INDEPENDENT))}
 
 
 def _column(conditions: Sequence[FlightCondition], name: str, repeats: int) -> FloatArray:
     """Return a quantity of each of ``conditions``, each ``repeats`` times."""
-    return np.repeat([float(getattr(condition, name)) for condition in conditions], repeats)
+    return np.repeat(quantities(conditions, name), repeats)
 
 
 def _with_errors(known: dict[str, Any], noise: Noise, random: np.random.Generator) -> dict[str, Any]:
@@ -489,7 +481,7 @@ def _computed(air: Air, noise: Noise, column: Column, random: np.random.Generato
     """Return M, p_inf or altitude, and q_inf that is computed of them."""
     height = np.arange(0.0, LAYERS[-1][0], 5.0)
     standard = -np.log(static_pressure_at(height))
-    altitude = np.interp(-np.log(column(AMBIENT_PRESSURE) / air.day), standard, height) + air.altitude_off
+    altitude = np.interp(-np.log(column(STATIC_PRESSURE) / air.day), standard, height) + air.altitude_off
     exact = {MACH_NUMBER: column(MACH_NUMBER) + air.mach_off, STATIC_PRESSURE: static_pressure_at(altitude)}
     known = _with_errors(exact, noise, random)
     if air.source == ALTITUDE:

@@ -29,7 +29,7 @@ from builder.trial.readings import (
     read_motion,
     read_own_vehicles,
 )
-from builder.trial.score import ALL, NONE, ROLLING, Row, judged, rows_of
+from builder.trial.score import ALL, NONE, ROLLING, Row, judged, rms_ratios, rows_of
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import FlowReachError, StrainfmuError
 from strainfmu.estimator.estimator import Estimator
@@ -37,7 +37,7 @@ from strainfmu.estimator.gauge_zeros import GaugeZeros
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 from strainfmu.files import fingerprint, write_bytes_atomically
 
-VERSION = 8
+VERSION = 9
 """Raised whenever scores change otherwise than by their inputs, so that they are made again."""
 
 TENTHS = 10
@@ -91,7 +91,8 @@ def with_lost_gauges(world: World, lost: Lost, read: Readings, random: np.random
     """Yield readings without the gauges of each set, the next samples for each; from the first again after the
     last."""
     count, first = min(lost.samples or len(read.strain), len(read.strain)), 0
-    for name, used in lost.in_use(world.inverse_map, random).items():
+    axial = np.abs(world.inverse_map.gauge_direction[:, 0]) > np.sqrt(0.5)
+    for name, used in lost.in_use(world.gauges.row, axial, random).items():
         part = read.rows(slice(first, first + count))
         yield replace(part, strain=np.where(used, part.strain, np.nan), name=name)
         first = first + count if first + 2 * count <= len(read.strain) else 0
@@ -119,9 +120,10 @@ def scored(
         if case.lost is not None:
             add_worst_set(rows[name], parts[name], read)
         if case.motion is not None:
-            ratio = _over_single(made, *single(name.partition(" ")[0]), every)
-            for row, value in zip(rows[name][1:], ratio.tolist(), strict=True):
-                row["over_single"] = value
+            middle, of_single = single(name.partition(" ")[0])
+            ratios = rms_ratios(made.value - middle, of_single - middle, every)
+            for row, (ratio, _) in zip(rows[name][1:], ratios, strict=True):
+                row["over_single"] = ratio
     return {
         name: labelled(case, name, of_name) + _tenths(case, name, estimates[name], every)
         for name, of_name in rows.items()
@@ -151,25 +153,16 @@ def add_worst_set(rows: list[Row], made: Sequence[Estimates], read: Sequence[Rea
         row |= {"sets": len(read), "worst_set_percent": float(covered[worst]), "worst_set": read[worst].name}
 
 
-def _of_single(world: World, read: Sequence[Readings], name: str) -> tuple[Estimates, Estimates | None]:
-    """Return the estimates of single samples in the readings, and of the same without noise, None where not
-    wanted."""
-    estimate = of_map(world.inverse_map, name)
-    quiet = [estimate(replace(part, strain=part.quiet)) for part in read if part.quiet is not None]
-    return together([estimate(part) for part in read]), together(quiet) if quiet else None
+def _of_single(world: World, read: Sequence[Readings], name: str) -> tuple[FloatArray, FloatArray]:
+    """Return (n, m) what errors of flights in time are counted from, and the estimates of single samples.
 
-
-def _over_single(made: Estimates, single: Estimates, quiet: Estimates | None, read: Readings) -> FloatArray:
-    """Return (m,) rms errors over the errors of single samples, where both are known.
-
-    They are about the estimates without noise, where there are some: what noise alone adds. Errors of the map are
-    no part of it, and no average reduces them.
+    They count from the estimates without noise, where there are some: what noise alone adds. Errors of the map are
+    no part of it, and no average reduces them. Otherwise they count from the truth.
     """
-    middle = read.truth[:, : made.value.shape[1]] if quiet is None else quiet.value
-    error, of_single = made.value - middle, single.value - middle
-    both = np.isfinite(error) & np.isfinite(of_single)
-    square, of_square = (np.sum(np.where(both, value, 0.0) ** 2, axis=0) for value in (error, of_single))
-    return np.sqrt(square / np.where(of_square > 0.0, of_square, 1.0))
+    estimate = of_map(world.inverse_map, name)
+    single = together([estimate(part) for part in read]).value
+    quiet = [estimate(replace(part, strain=part.quiet)) for part in read if part.quiet is not None]
+    return together(quiet).value if quiet else joined(read).truth[:, : single.shape[1]], single
 
 
 def labelled(case: Case, estimator: str, rows: list[Row]) -> list[Row]:

@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 
 from builder.trial.cases import Case
+from builder.trial.conditions import quantities
 from builder.trial.estimators import Estimates
 from builder.trial.readings import Readings
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
@@ -45,8 +46,8 @@ ALL = "all"
 PARTS = ("right_ok", "right_flagged", "wrong_flagged", "undetected", "no_estimate")
 """What a sample is, one of five: columns of a row, in percent."""
 
-RELATIVE = {STATIC_PRESSURE: "ambient_pressure", DYNAMIC_PRESSURE: DYNAMIC_PRESSURE}
-"""Air data whose errors are over the true value, which the flight condition has by these names."""
+RELATIVE = (STATIC_PRESSURE, DYNAMIC_PRESSURE)
+"""Air data whose errors are over the true value."""
 
 Row = dict[str, Any]
 """A row of the long table, by column."""
@@ -127,9 +128,8 @@ def rows_of(names: Sequence[str], made: Estimates, read: Readings) -> list[Row]:
 def _of_other(clusters: Clusters, name: str, made: Estimates, read: Readings) -> Row:
     """Return the errors of what is no load: of a quantity of the flight, or an error of a field as it is."""
     value, std = made.extras[name]
-    truth = np.array([getattr(condition, RELATIVE.get(name, name), 0.0) for condition in read.conditions])[
-        read.flight
-    ]
+    is_quantity = name == STATIC_PRESSURE or hasattr(read.conditions[0], name)
+    truth = quantities(read.conditions, name)[read.flight] if is_quantity else np.zeros(len(value))
     scale = truth if name in RELATIVE else np.ones(len(truth))
     error = (value - truth) / scale
     median, p95 = np.quantile(np.abs(error), [0.5, 0.95]).tolist()
@@ -165,6 +165,19 @@ def _rms(clusters: Clusters, values: FloatArray) -> tuple[float, float]:
     square, error = clusters.mean(values**2)
     rms = sqrt(square) if square == square else square
     return rms, error / (2.0 * rms) if rms else 0.0
+
+
+def rms_ratios(error: FloatArray, of_other: FloatArray, read: Readings) -> list[tuple[float, float]]:
+    """Return the rms of each column of an ``error`` (n, m) over the rms of another, where both are known, and its
+    standard error."""
+    clusters, ratios = Clusters(read.vehicle, read.flight), list[tuple[float, float]]()
+    known = np.isfinite(error) & np.isfinite(of_other)
+    squares = (np.where(known, values, np.nan).T ** 2 for values in (error, of_other))
+    for square, of_square in zip(*squares, strict=True):
+        mean = clusters.mean(of_square)[0]
+        ratio = sqrt(clusters.mean(square)[0] / mean) if mean > 0.0 else np.nan
+        ratios.append((ratio, clusters.mean(square - ratio**2 * of_square)[1] / (2.0 * ratio * mean)))
+    return ratios
 
 
 def is_within(error: FloatArray, std: FloatArray | float, sigmas: float = SIGMAS) -> BoolArray:

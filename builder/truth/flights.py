@@ -1,5 +1,5 @@
-"""A vehicle as built, its errors drawn at the sizes that the section [noise] states, and its flights: what it
-reads there, whatever the shape of the vehicle."""
+"""A vehicle as built, its errors drawn at the sizes that the section [noise] states, its physics, and its flights:
+what it reads there, whatever the shape of the vehicle."""
 
 from __future__ import annotations
 
@@ -17,6 +17,57 @@ from builder.vehicle.map.options import Noise
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
 from strainfmu.flight_condition import FlightCondition
+
+ENGINES_IN_WORDS = {
+    "euler": "the marching Euler solver",
+    "newtonian": "local inclination (newtonian)",
+    "table": "imported results (table)",
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlownPhysics:
+    """Flow models by the names of their engines: what ``flies``, and what the snapshots ``of_map`` are made by."""
+
+    flies: str
+    of_map: str
+
+    @property
+    def is_that_of_map(self) -> bool:
+        """Whether both are of one kind, so that what flies differs from the map by meshes and errors alone."""
+        return self.flies == self.of_map
+
+    @property
+    def model(self) -> str:
+        """What flies, in a few words."""
+        another = f"another physics, {ENGINES_IN_WORDS[self.flies]}"
+        return "independent finer model" if self.is_that_of_map else another
+
+    @property
+    def sentence(self) -> str:
+        """What flies, and what its score says of the map."""
+        flies, of_map = ENGINES_IN_WORDS[self.flies], ENGINES_IN_WORDS[self.of_map]
+        if self.is_that_of_map:
+            return f"The vehicle that flies has the physics of the map, {flies}, on finer meshes."
+        return (
+            f"warning: the vehicle that flies has another physics than the map: its flow is of {flies}, the map's "
+            f"of {of_map}; errors and coverage in flight include the difference of the two, which no sigma does"
+        )
+
+    def record(self) -> dict[str, Any]:
+        """Return it for a file of results."""
+        return {"flies": self.flies, "map": self.of_map, "same": self.is_that_of_map}
+
+
+def flown_physics(vehicle: Vehicle, engine: str) -> FlownPhysics:
+    """Return the physics of the vehicle that flies, and of a map of snapshots by ``engine``."""
+    return FlownPhysics(flies=vehicle.truth_engine() if vehicle.is_axisymmetric else engine, of_map=engine)
+
+
+def other_physics(vehicle: Vehicle) -> list[str]:
+    """Return a line where the independent model has another physics than the engine of ``vehicle``, else none."""
+    physics = flown_physics(vehicle, vehicle.aerodynamics.engine)
+    return [] if physics.is_that_of_map else [physics.sentence]
 
 
 def drawn_vehicle(

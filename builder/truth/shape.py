@@ -24,6 +24,7 @@ from builder.campaign.snapshots import Snapshots
 from builder.reporting import Reporter
 from builder.structure.as_built.as_built_vehicle import AsBuilt, Counts
 from builder.structure.as_built.displaced_structure import DisplacedGauges, refuse_others, ways_of
+from builder.structure.fourier.fourier_model import refuse_beyond_fourier
 from builder.structure.mapped_structure import mapped_operator
 from builder.structure.solid.case import flying_mesh, structure_case
 from builder.structure.solid.gauge_layouts import DISPLACED, displaced_name
@@ -34,7 +35,7 @@ from builder.vehicle.conditions.flight_conditions import ConditionSet
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.cosim.models.trajectory import Trajectory
-from strainfmu.errors import InputError
+from strainfmu.errors import FlowReachError, InputError
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
 from strainfmu.flight_condition import FlightCondition
 
@@ -92,6 +93,14 @@ def refuse_without_other_model(vehicle: Vehicle) -> None:
         raise InputError("sensors: expected none for an independent model of this shape, which has gauges alone")
     if vehicle.structure.mesh is not None and vehicle.structure.checked_by is None:
         raise InputError(NO_SECOND_MESH)
+
+
+def refuse_without_independent_model(vehicle: Vehicle) -> None:
+    """Refuse a vehicle that has no independent model, before anything is solved."""
+    if vehicle.is_axisymmetric:
+        refuse_beyond_fourier(vehicle, [vehicle.gauges.layout])
+    else:
+        refuse_without_other_model(vehicle)
 
 
 def flying_structure(vehicle: Vehicle, known: Structure | None, reporter: Reporter) -> ShapeStructure:
@@ -241,15 +250,20 @@ def shape_flows(
     return snapshots_in_memory(campaign, Scheduling(workers=0), reporter, title).snapshots
 
 
-def at_conditions(flows: Snapshots, conditions: Sequence[FlightCondition]) -> Snapshots | None:
-    """Return the pressures of ``flows`` at ``conditions``, at altitudes of their own; None where none is known.
+def at_conditions(flows: Snapshots, conditions: Sequence[FlightCondition]) -> Snapshots:
+    """Return the pressures of ``flows`` at ``conditions``, at altitudes of their own.
 
     Conditions without a flow are left out.
+
+    Raises
+    ------
+    FlowReachError
+        All of them are.
     """
     row = {_flow_of(condition): number for number, condition in enumerate(flows.conditions())}
     known = [condition for condition in conditions if _flow_of(condition) in row]
     if not known:
-        return None
+        raise FlowReachError("none of its flows is within the solver's reach")
     rows = np.array([row[_flow_of(condition)] for condition in known])
     return flown_at(flows.chosen(rows), known, ratio_of(flows)[rows])
 

@@ -70,7 +70,7 @@ def held_out(n: int) -> list[FlightCondition]:
 @pytest.fixture(scope="module")
 def truth(ic3x_truth: TrueStructure, ic3x_demo: Path) -> tuple[TrueStructure, FlowTable]:
     """The model that did not build the map."""
-    return ic3x_truth, load_flow_table(ic3x_demo / "independent_flows.h5")
+    return ic3x_truth, load_flow_table(ic3x_demo / "independent_flows.h5", load_vehicle(IC3X))
 
 
 def shipped(vehicle: Vehicle, structure: StructuralModel, demo: Path, case: int) -> InverseMap:

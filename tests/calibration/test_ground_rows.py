@@ -12,7 +12,6 @@ from drawn_tests import blank_test
 from builder.calibration.ground_test.load_test import LoadErrors
 from builder.calibration.score.ground_rows import (
     CALIBRATION,
-    add_over_exact,
     ground_rows,
     refuse_unknown_tests,
     row_of,
@@ -23,9 +22,8 @@ from builder.calibration.score.ground_world import GroundWorld, flights_of, grou
 from builder.campaign.snapshots import Snapshots, save_snapshots
 from builder.structure.as_built.as_built_vehicle import Counts, exactly_built
 from builder.trial.cases import Built, Case, GroundTest, GroundTests, Plan
-from builder.trial.estimators import Estimates
 from builder.trial.readings import Readings
-from builder.trial.score import MISSED, Row, judged
+from builder.trial.score import MISSED, Row, judged, rms_ratios
 from builder.truth.revolution.flow_table import FlowTable, save_flow_table
 from builder.vehicle.file import Vehicle
 from builder.vehicle.model_entries import Resolutions
@@ -77,22 +75,22 @@ def test_what_the_calibration_says_is_counted_by_test() -> None:
 @pytest.mark.fast
 def test_errors_stand_over_those_of_the_exactly_known_vehicle() -> None:
     """With a standard error of pairs: the same errors twice as large are twice as large for certain."""
-    random, rows = np.random.default_rng(0), [Row() for _ in COEFFICIENT_NAMES]
-    error, other = random.standard_normal((2, 400, 5))
+    error, other = np.random.default_rng(0).standard_normal((2, 400, 5))
     number = np.arange(400)
     read = Readings(
         strain=np.empty((400, 0)), known={}, truth=np.zeros((400, 5)), vehicle=number // 20, flight=number % 20
     )
-    exact, twice, apart = (Estimates(value=value, std=np.ones((400, 5))) for value in (error, 2.0 * error, other))
-    add_over_exact(rows, twice, exact, read)
-    assert [row["over_exact"] for row in rows] == pytest.approx([2.0] * 5)
-    assert [row["over_exact_error"] for row in rows] == pytest.approx([0.0] * 5, abs=1e-9)
+    twice = np.array(rms_ratios(2.0 * error, error, read))
+    np.testing.assert_allclose(twice, np.tile([2.0, 0.0], (5, 1)), atol=1e-9)
     case = Case(error="a", group="unobservable", at_most={"over_exact": 1.25})
-    verdict, why = judged(case, [{"load": name, **row} for name, row in zip(COEFFICIENT_NAMES, rows, strict=True)])
+    rows: list[Row] = [
+        {"load": name, "over_exact": ratio, "over_exact_error": error}
+        for name, (ratio, error) in zip(COEFFICIENT_NAMES, twice.tolist(), strict=True)
+    ]
+    verdict, why = judged(case, rows)
     assert (verdict, "over exact of C_A 2 +- " in why) == (MISSED, True)
-    add_over_exact(rows, apart, exact, read)
-    for row in rows:
-        assert abs(row["over_exact"] - 1.0) < 3.0 * row["over_exact_error"] < 0.3
+    for ratio, of_ratio in rms_ratios(other, error, read):
+        assert abs(ratio - 1.0) < 3.0 * of_ratio < 0.3
 
 
 @pytest.mark.fast

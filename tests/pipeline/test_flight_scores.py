@@ -23,7 +23,7 @@ from builder.pipeline.demonstration import flight_scores
 from builder.pipeline.demonstration.flight_scores import score_flight
 from builder.reporting import Silent
 from builder.structure.fourier.fourier_model import StructuralModel
-from builder.truth.independent_model import FlownPhysics, flown_physics, other_physics
+from builder.truth.flights import FlownPhysics, flown_physics, other_physics
 from builder.vehicle.file import VEHICLES
 from builder.vehicle.model_entries import Aerodynamics
 from strainfmu.cli.commands.demo_results import show_result
@@ -116,7 +116,7 @@ def test_the_score_is_of_the_physics_of_the_table(tmp_path: Path, monkeypatch: p
     of_table = replace(snapshots, engine="table")
     found = flight_scores.held_out_score(vehicle, of_table, structure, Silent())
     assert found is not None
-    assert found["left_out"] == ["M 4.5", "total incidence 0 deg"]
+    assert found["left_out"] == ["M 4.5", "total incidence 6 deg"]
     assert found["not_built"] == []
     assert min(found["coverage"].values()) > 0.98
     assert found["healthy"] > 0.98

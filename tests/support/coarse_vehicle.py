@@ -19,7 +19,7 @@ from builder.campaign.scheduling import Scheduling, solve_flows
 from builder.campaign.snapshots import Snapshots, load_snapshots, save_snapshots
 from builder.inverse.problem import gauge_noise_covariance
 from builder.structure.fourier.fourier_model import StructuralModel, structural_model
-from builder.truth.revolution.flow_table import FlowTable, flow_table, truth_engine, truth_keys, truth_knots
+from builder.truth.revolution.flow_table import FlowTable, flow_keys, flow_table, truth_engine, truth_knots
 from builder.truth.revolution.strain import TrueStructure, true_structure
 from builder.vehicle.conditions.flight_conditions import condition_grid
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
@@ -139,7 +139,7 @@ def case(vehicle: Vehicle, structure: StructuralModel, snapshots: Snapshots) -> 
 @pytest.fixture(scope="session")
 def truth_flows(vehicle: Vehicle, compiled_solver: None) -> dict[FlowKey, Flow]:
     """The flows at the knots of the flight model."""
-    solved = solve_flows(truth_engine(vehicle), truth_keys(vehicle), Scheduling(workers=0))
+    solved = solve_flows(truth_engine(vehicle), flow_keys(*truth_knots(vehicle)), Scheduling(workers=0))
     return {solution.flow.key: solution.flow for solution in solved}
 
 
@@ -153,4 +153,4 @@ def true_model(vehicle: Vehicle) -> TrueStructure:
 def table(vehicle: Vehicle, truth_flows: dict[FlowKey, Flow]) -> FlowTable:
     """The pressure of the independent model."""
     mach, incidence = truth_knots(vehicle)
-    return flow_table(vehicle, mach, incidence[1:], truth_flows)
+    return flow_table(vehicle, mach, incidence, truth_flows)

@@ -24,9 +24,8 @@ from builder.reporting import Silent
 from builder.structure.fourier.fourier_model import StructuralModel, structural_model
 from builder.trial import conditions
 from builder.trial.cases import cases_for, load_trial, trial_path
-from builder.trial.flows import stress_flows
 from builder.trial.readings import World
-from builder.truth.revolution.flow_table import FlowTable
+from builder.truth.revolution.flow_table import FlowTable, solved_flows
 from builder.truth.revolution.strain import TrueStructure, true_structure
 from builder.vehicle.conditions.flight_conditions import FlowParameter
 from builder.vehicle.file import Vehicle
@@ -59,7 +58,8 @@ def flow_beyond(flown: Vehicle, compiled_solver: None) -> FlowTable:
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(conditions, "MACH_KNOTS", 5)
         patched.setattr(conditions, "INCIDENCE_KNOTS", 6)
-        return stress_flows(flown, Silent(), scheduling=Scheduling(workers=0))
+        knots = conditions.stress_knots(flown)
+        return solved_flows(flown, *knots, Silent(), failed={}, scheduling=Scheduling(workers=0))
 
 
 @pytest.fixture(scope="session")
@@ -96,7 +96,8 @@ def sensed_world(world: World, flying: TrueStructure, flown_snapshots: Snapshots
     )
     vehicle = world.vehicle.model_copy(update={"sensors": sensors})
     made, fly = linear_map(vehicle, flown_snapshots), flown_sensors(vehicle, flying.surface)
-    return other_world(world, vehicle=vehicle, inverse_map=made, sensors=fly, conditions=40)
+    assert fly is not None
+    return other_world(world, vehicle=vehicle, inverse_map=made, sensors=fly.as_built, conditions=40)
 
 
 @pytest.fixture(scope="session")

@@ -66,9 +66,9 @@ def test_classes_and_sizes_follow_from_the_file() -> None:
     for stated, group in ((1.0, "alone"), (0.9, "beyond"), (0.0, "beyond")):
         (case,) = of(changed("noise", wall_thickness_percent=stated), "wall thickness")[-1:]
         assert (case.size, case.group) == ("+2 %", group)
-    assert of(SHIPPED, "gain of all gauges")[-1].size == "+5 %"
-    case = of(changed("noise", common_gain_percent=2.0), "gain of all gauges")[-1]
-    assert (case.size, case.as_built.set) == ("+10 %", {"common_gain": 10.0})
+    for stated, group in ((1.0, "beyond"), (5.0, "alone")):
+        case = of(changed("noise", dynamic_pressure_percent=stated), "dynamic pressure")[-1]
+        assert (case.size, case.group) == ("+10 %", group)
     listed = changed("map", estimator="linear", symmetry="listed")
     absolute = changed("map", estimator="linear", form="absolute")
     assert of(SHIPPED, "angles mirrored")[0].group == "alone"

@@ -193,12 +193,12 @@ def test_maps_and_estimators_that_do_not_fit_are_refused_and_the_envelope_is_tha
         replace(world.inverse_map, **change) for change in ({"gauge_names": names}, {"reference_area": 1.0})
     )
     for flown, inverse_map, message in (
-        (world, renamed, "expected the 54 gauges of layout .*, got 54 gauges"),
-        (world, larger, r"reference area \[m2\]: expected .* of the vehicle, got 1"),
-        (sensed_world, world.inverse_map, "expected the 9 auxiliary sensors .*, got 0: none"),
-        (world, sensed_world.inverse_map, "expected the 0 auxiliary sensors .*, got 9: port_0deg"),
-        (heavy_world, world.inverse_map, "expected a map with masses as the vehicle file has them"),
-        (world, heavy_world.inverse_map, "expected a map without masses"),
+        (world, renamed, "gauges of layout .*: expected 54: .*, got 54: other"),
+        (world, larger, r"reference area \[m2\]: expected .*, got 1"),
+        (sensed_world, world.inverse_map, "auxiliary sensors: expected 9: .*, got 0: none"),
+        (world, sensed_world.inverse_map, "auxiliary sensors: expected 0: none, got 9: port_0deg"),
+        (heavy_world, world.inverse_map, "map: expected with masses, got without masses"),
+        (world, heavy_world.inverse_map, "map: expected without masses, got with masses"),
     ):
         with pytest.raises(InputError, match=f"^map.h5: {message}"):
             check_fit(flown.vehicle, inverse_map, path)
@@ -271,7 +271,8 @@ def test_rows_and_directions_lost(full_world: World, size: str) -> None:
 def shipped(ic3x_demo: Path, ic3x_truth: TrueStructure) -> World:
     """The shipped vehicle with the map of both estimators."""
     made = load_inverse_map(ic3x_demo / "map.h5")
-    vehicle, flows = of_map(load_vehicle(IC3X), made), load_flow_table(ic3x_demo / "independent_flows.h5")
+    vehicle = of_map(load_vehicle(IC3X), made)
+    flows = load_flow_table(ic3x_demo / "independent_flows.h5", vehicle)
     return World(vehicle=vehicle, structure=ic3x_truth, flows=flows, inverse_map=made, seed=3)
 
 

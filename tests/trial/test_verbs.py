@@ -3,6 +3,7 @@ closed forms."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import radians
 from typing import Any
 
@@ -25,26 +26,22 @@ from builder.trial.conditions import (
     envelope_incidence,
     flown_conditions,
     held_out_conditions,
-    stress_knots,
 )
 from builder.trial.faults import (
     AddedStrain,
-    AtEnd,
     Fault,
     Gauges,
     Heating,
     Lost,
     NoSuchGaugesError,
-    gauge_rows,
     heated,
     standard_temperature,
 )
-from builder.trial.flows import Flow, Spot, solved_knots
+from builder.trial.flows import Flow, Spot
 from builder.trial.readings import World, read_motion
 from builder.trial.run import Task, run_task
-from builder.truth.revolution.flow_table import FlowTable, truth_surface
+from builder.truth.revolution.flow_table import FlowTable, solved_knots, truth_surface
 from builder.truth.revolution.strain import TrueStructure
-from builder.truth.shape import at_conditions
 from builder.vehicle.file import IC3X, VEHICLES, Vehicle, load_vehicle
 from strainfmu.atmosphere import pressure_and_temperature
 from strainfmu.errors import FlowReachError
@@ -108,9 +105,9 @@ def test_the_sets_of_the_shipped_layout(world: World) -> None:
     """Four rows, of which 14 sets may be lost, two directions, and what is drawn; without such gauges none."""
 
     def sets_of(**lost: Any) -> list[np.ndarray]:
-        return list(Lost(**lost).in_use(world.inverse_map, np.random.default_rng(0)).values())
+        return list(Lost(**lost).in_use(roll, axial, np.random.default_rng(0)).values())
 
-    roll, axial = gauge_rows(world.inverse_map)
+    roll, axial = world.gauges.row, np.abs(world.inverse_map.gauge_direction[:, 0]) > 0.7
     assert sorted({float(angle) for angle in roll}) == [0.0, 90.0, 180.0, 270.0]
     assert axial.sum() == 36
     assert [len(sets_of(gauges="rows", count=count)) for count in (1, 2, 3)] == [4, 6, 4]
@@ -126,13 +123,13 @@ def test_the_sets_of_the_shipped_layout(world: World) -> None:
     assert run_task(Task(key="", world="lost", case=case, plan=Plan(), make_world=lambda: world))[1] == line
 
 
-def test_a_heated_gauge_reads_what_its_data_sheet_says_and_a_side_is_warmer(world: World) -> None:
+def test_a_heated_gauge_reads_what_its_data_sheet_says(world: World) -> None:
     """Thermal strain and apparent strain c1 T + c2 T^2 add to the strain over a softer wall, times the factor."""
     entry = standard_temperature(3.6)
     rise, at_sensors, thermal = np.array([100.0, 50.0]), np.arange(8.0), np.array([3e-5, -1e-5])
     random, again = np.random.default_rng(1), np.random.default_rng(1)
     cold, scatter = np.full((5, 2), 1e-4), np.array([[1.0, -2.0]])
-    hot, measured = heated(entry, AtEnd(thermal, rise, at_sensors), cold, scatter, random)
+    hot, measured = heated(entry, (thermal, rise, at_sensors), cold, scatter, random)
     time = again.uniform(0.0, 1.0, (5, 1))
     warm = time * rise
     sheet = 1e-6 * (0.05 * warm - 0.002 * warm**2 + 0.01 * scatter * warm)
@@ -140,11 +137,8 @@ def test_a_heated_gauge_reads_what_its_data_sheet_says_and_a_side_is_warmer(worl
     np.testing.assert_allclose(hot, expected)
     np.testing.assert_allclose(measured - 293.15 - time * at_sensors, again.standard_normal((5, 8)), atol=1e-9)
     length, gauges = world.vehicle.body().length, world.gauges
-    even, side = (
-        Heating(nose_K=80.0, aft_K=10.0, side_percent=percent).at_end(world.vehicle).rise for percent in (0, 10)
-    )
-    np.testing.assert_allclose(even, 80.0 - 70.0 * gauges.station / length, atol=1e-9)
-    np.testing.assert_allclose(side - even, 0.1 * even * np.cos(gauges.roll_angle - 0.7), atol=1e-9)
+    _, rise, _ = Heating(nose_K=80.0, aft_K=10.0).at_end(world.vehicle)
+    np.testing.assert_allclose(rise, 80.0 - 70.0 * gauges.station / length, atol=1e-9)
 
 
 def test_motion_has_its_rate_and_size(flown: Vehicle) -> None:
@@ -166,12 +160,12 @@ def test_motion_has_its_rate_and_size(flown: Vehicle) -> None:
 
 
 def test_rows_and_all_strain_get_lost_and_air_data_drift(world: World) -> None:
-    roll, random = world.gauges.roll_angle, np.random.default_rng(2)
-    two = Motion(seconds=4.0, lost_rows=2).gives(roll, random)
+    rows, random = world.gauges.row, np.random.default_rng(2)
+    two = Motion(seconds=4.0, lost_rows=2).gives(rows, random)
     assert two[:199].all()
-    lost = np.unique(np.round(np.mod(roll[~two[-1]], 2.0 * np.pi), 6))
+    lost = np.unique(rows[~two[-1]])
     assert len(lost) == 2
-    assert np.cos(lost[1] - lost[0]) == pytest.approx(-1.0)
+    assert lost[1] - lost[0] == 180.0
     case = case_of(world.vehicle, "no strain", trial="manoeuvres")
     nothing = np.isnan(read_motion(world, case, 0, random).strain).all(axis=1)
     assert np.count_nonzero(nothing) == pytest.approx(50, abs=1)
@@ -299,7 +293,6 @@ def test_flights_of_a_shape_share_their_flows(shape_world: World) -> None:
     np.testing.assert_allclose(flights.ambient_pressure, pressure_and_temperature(12e3)[0])
     np.testing.assert_allclose(flights.coefficients, own.coefficients, rtol=1e-9, atol=1e-12)
     few = solved(list(own.conditions[:2]))
-    assert at_conditions(few, own.conditions[2:]) is None
     with pytest.raises(FlowReachError, match="none of its flows"):
         other_world(shape_world, flows=few).flights(case_of(vehicle, "Mach number below its least"))
 
@@ -365,19 +358,20 @@ def test_flights_are_inside_all_ranges_of_the_file_at_altitudes_of_the_map(
 
 
 @pytest.mark.fast
-def test_conditions_of_a_square_are_inside_it_and_its_flows() -> None:
-    """|a|, |b| up to 8 deg on the shipped vehicle; without a range of sideslip the disc of total incidence."""
+def test_incidences_are_within_the_envelope() -> None:
+    """14.1 deg of the shipped vehicle; a range that begins beyond it is refused."""
     shipped, random = load_vehicle(IC3X), np.random.default_rng(1)
-    where = Where(square=0.8, altitudes_km=[15.0, 28.0])
-    conditions = flown_conditions(where, shipped, TABLE, 300, random)
-    angles = np.degrees([(one.angle_of_attack, one.sideslip_angle) for one in conditions])
-    assert 7.8 < np.abs(angles).max() <= 8.0
+    wide = replace(TABLE, incidence_knots=np.radians([5.0, 18.0]))
+
+    def flown(**entries: list[float]) -> list[FlightCondition]:
+        return flown_conditions(Where(**entries), shipped, wide, 300, random)
+
+    conditions = flown(incidence=[0.0, 0.8], altitudes_km=[15.0, 28.0])
+    assert 11.0 < np.degrees(max(one.total_incidence for one in conditions)) <= 11.3
     altitude = [one.altitude for one in conditions]
     assert 15e3 <= min(altitude) < 16e3 < 27e3 < max(altitude) <= 28e3
-    mach, incidence = stress_knots(shipped, 0.8)
-    assert (mach[0], mach[-1]) == (5.0, 7.0)
-    assert incidence[-1] > max(one.total_incidence for one in conditions)
-    entry = shipped.conditions.model_copy(update={"sideslip_angle_deg": [0.0]})
-    turned = flown_conditions(where, shipped.model_copy(update={"conditions": entry}), TABLE, 200, random)
-    assert 9.0 < np.degrees(max(one.total_incidence for one in turned)) <= 10.0 + 1e-9
-    assert max(abs(one.sideslip_angle) for one in turned) > np.radians(8.0)
+    incidence = np.degrees([one.total_incidence for one in flown(incidence_deg=[3.0, 90.0])])
+    assert 3.0 <= incidence.min() < 3.5
+    assert 13.5 < incidence.max() <= 14.2
+    with pytest.raises(FlowReachError, match="20 needed, got 14"):
+        flown(incidence_deg=[20.0, 30.0])

@@ -23,7 +23,6 @@ from builder.truth.revolution.flow_table import (
     FlowTable,
     harmonics_at,
     load_flow_table,
-    load_truth_flows,
     save_flow_table,
     truth_surface,
 )
@@ -292,8 +291,6 @@ def test_outside_the_knots_nothing_is_known(mach: float, incidence: float, messa
 def test_a_table_is_read_as_it_was_written_and_no_other(tmp_path: Path) -> None:
     """A blunt tip has more stations than the vehicle file states; flows with these stations are the vehicle's."""
     path, table = tmp_path / "flow.h5", random_table()
-    save_flow_table(table, path)
-    np.testing.assert_array_equal(load_flow_table(path).harmonic, table.harmonic)
     with pytest.raises(InputError, match=r"expected shape \(4, 4, stations, harmonics\), got \(4, 4, 3\)"):
         replace(table, harmonic=table.harmonic[..., 0])
     with pytest.raises(InputError, match="harmonic: not all values are finite"):
@@ -304,6 +301,8 @@ def test_a_table_is_read_as_it_was_written_and_no_other(tmp_path: Path) -> None:
     for harmonics, name in ((n_m - 1, vehicle.name), (n_m, "")):
         save_flow_table(replace(table_of(np.zeros((4, 4, n_x, harmonics))), vehicle=name), path)
         with pytest.raises(InputError, match=f"expected flows of '{vehicle.name}' at .* got flows of '{name}'"):
-            load_truth_flows(path, vehicle)
+            load_flow_table(path, vehicle)
     save_flow_table(replace(table_of(np.zeros((4, 4, n_x, n_m))), vehicle=vehicle.name), path)
-    load_truth_flows(path, vehicle)
+    written = load_flow_table(path, vehicle)
+    np.testing.assert_array_equal(written.mach_knots, table.mach_knots)
+    assert written.harmonic.shape == (4, 4, n_x, n_m)

@@ -40,7 +40,7 @@ from builder.trial.estimators import Estimates, of_map, together
 from builder.trial.faults import MICRO
 from builder.trial.readings import Readings, joined
 from builder.trial.run import add_worst_set, labelled
-from builder.trial.score import NONE, Clusters, Row, rows_of
+from builder.trial.score import NONE, Clusters, Row, rms_ratios, rows_of
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
@@ -378,7 +378,9 @@ def ground_rows(world: GroundWorld, case: Case, plan: Plan) -> dict[str, list[Ro
         kind = next(iter(MAPS)) if name == EQUATIONS else name.partition(", ")[0]
         exact = all_flights.get(f"{kind}, {EXACT}", made)
         if exact is not made:
-            add_over_exact(of_name[1:], made, exact, every)
+            ratios = rms_ratios(made.value - every.truth, exact.value - every.truth, every)
+            for row, (ratio, error) in zip(of_name[1:], ratios, strict=True):
+                row |= {"over_exact": ratio, "over_exact_error": error}
         rows[name] = labelled(case, name, of_name)
     return rows
 
@@ -423,17 +425,6 @@ def _by_equations(world: GroundWorld, estimate: Estimate, read: Readings) -> Est
     load = np.column_stack([equation.value(read.strain) for equation in equations])
     std = np.array([equation.residual_std for equation in equations])
     return Estimates(value=load * scale, std=scale * std)
-
-
-def add_over_exact(rows: Sequence[Row], made: Estimates, exact: Estimates, read: Readings) -> None:
-    """Add the rms error of each load over the one of the exactly known vehicle, and its error, to ``rows``."""
-    clusters = Clusters(read.vehicle, read.flight)
-    square, of_exact = ((estimates.value - read.truth) ** 2 for estimates in (made, exact))
-    for column, row in enumerate(rows):
-        mean, of_mean = float(np.mean(square[:, column])), float(np.mean(of_exact[:, column]))
-        ratio = mean / of_mean
-        _, error = clusters.mean(square[:, column] - ratio * of_exact[:, column])
-        row |= {"over_exact": np.sqrt(ratio), "over_exact_error": error / (2.0 * np.sqrt(ratio) * of_mean)}
 
 
 def row_of(said: Sequence[Mapping[str, float]]) -> Row:

@@ -39,7 +39,7 @@ from builder.trial.cases import GroundTest, GroundTests
 from builder.trial.conditions import held_out_conditions
 from builder.trial.faults import MICRO
 from builder.trial.readings import Readings, Shared, navigation_at
-from builder.truth.revolution.flow_table import FlowTable, load_truth_flows, ratio_at
+from builder.truth.revolution.flow_table import FlowTable, load_flow_table, ratio_at
 from builder.vehicle.file import Vehicle
 from builder.vehicle.model_entries import Resolution
 from builder.vehicle.shape.geometry import SurfaceGrid
@@ -276,7 +276,7 @@ def ground_world(
     vehicle = vehicle.model_copy(update={"noise": vehicle.noise.without_hardware_errors(), "map": entry})
     structure = structure_of_test(vehicle, properties_of(vehicle), HARMONICS)
     true_structure = structure_of_truth(vehicle, options.walls == "smooth")
-    table = load_truth_flows(flows, vehicle)
+    table = load_flow_table(flows, vehicle)
     pressure, flights = flights_of(vehicle, table, true_structure.surface, conditions, options.draws)
     return GroundWorld(
         vehicle=vehicle,

@@ -26,6 +26,13 @@ PARTS = {
 }
 """Label and colour of each part of the samples."""
 
+LABELS = (
+    "samples [%]; right of the bars the undetected ones",
+    "rms error over stated sigma",
+    "rms error [1]",
+)
+"""Of the panels."""
+
 ROW = 0.22
 """Height of a row [in]."""
 
@@ -33,7 +40,8 @@ ROW = 0.22
 def trial_figure(rows: Sequence[Mapping[str, Any]], title: str) -> Figure:
     """Draw the rows of a trial class by class: bars of the samples' parts, and next to them rms z of each load."""
     table = [dict(row) for row in rows]
-    groups, loads = in_order(table), loads_of(table)
+    groups = in_order(table)
+    loads = {key: {row["load"]: row for row in rows} for key, rows in loads_of(table).items()}
     several = len({row["estimator"] for row in table} - {FILTER}) > 1
     sizes = [len(group) for group in groups.values()]
     figure = blank_figure(13.0, 1.8 + ROW * (sum(sizes) + 3 * len(sizes)))
@@ -46,7 +54,7 @@ def trial_figure(rows: Sequence[Mapping[str, Any]], title: str) -> Figure:
         width_ratios=widths,
         height_ratios=[n + 1 for n in sizes],
     )
-    names = list(dict.fromkeys(row["load"] for group in loads.values() for row in group))
+    names = list(dict.fromkeys(name for of_case in loads.values() for name in of_case))
     for (bars, sigmas, *errors), (name, group) in zip(panels, groups.items(), strict=True):
         place = np.arange(len(group))
         start = np.zeros(len(group))
@@ -69,9 +77,10 @@ def trial_figure(rows: Sequence[Mapping[str, Any]], title: str) -> Figure:
         bars.set_yticks(place, [with_signs(label) for label in labels], fontsize=7)
         bars.set_xlim(0.0, 100.0)
         bars.set_title(TITLES[name], fontsize=9, loc="left")
+        of_group = [loads[row["case"], row["estimator"]] for row in group]
         for number, load in enumerate(names):
             for axis, column in zip((sigmas, *errors), ("rms_z", "rms"), strict=False):
-                value = [_value(loads[row["case"], row["estimator"]], load, column) for row in group]
+                value = [of_case[load][column] if load in of_case else np.nan for of_case in of_group]
                 axis.plot(value, place, "o", ms=3.0, color=f"C{number}", label=load)
         for axis in (sigmas, *errors):
             axis.set_yticks([])
@@ -83,17 +92,10 @@ def trial_figure(rows: Sequence[Mapping[str, Any]], title: str) -> Figure:
             sigmas.set_title("too narrow", fontsize=8, loc="right")
         for axis in (bars, sigmas, *errors):
             axis.set_ylim(len(group) - 0.5, -0.5)
-    panels[-1, 0].set_xlabel("samples [%]; right of the bars the undetected ones")
-    panels[-1, 1].set_xlabel("rms error over stated sigma")
-    if several:
-        panels[-1, 2].set_xlabel("rms error [1]")
-    handles, labels = panels[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower left", ncols=5, fontsize=8)
-    handles, labels = panels[0, 1].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower right", ncols=7, fontsize=8)
+    for axis, label in zip(panels[-1], LABELS, strict=False):
+        axis.set_xlabel(label)
+    of_bars, of_loads = (panels[0, column].get_legend_handles_labels() for column in (0, 1))
+    figure.legend(*of_bars, loc="outside lower left", ncols=5, fontsize=8)
+    figure.legend(*of_loads, loc="outside lower right", ncols=7, fontsize=8)
     figure.suptitle(f"What the map notices: {title}")
     return figure
-
-
-def _value(loads: Sequence[Mapping[str, Any]], load: str, column: str) -> float:
-    return next((row[column] for row in loads if row["load"] == load), float("nan"))

@@ -32,9 +32,9 @@ from builder.trial.estimators import Estimates, estimate_of, estimates_from, of_
 from builder.trial.levels import HARDWARE
 from builder.trial.readings import ANGLES, Readings, World, joined, read_own_vehicles
 from builder.trial.score import ROLLING, by_load, rows_of
-from builder.truth.revolution.strain import TrueFlights, TrueStructure, flights_of_harmonics, true_structure
+from builder.truth.revolution.strain import TrueFlights, TrueStructure, flights_of_flows, true_structure
 from builder.vehicle.file import Vehicle
-from strainfmu.arrays import FloatArray, IntArray
+from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.cosim.systems.recording import Recording
 from strainfmu.errors import InputError
 from strainfmu.estimator.air_inputs import ALTITUDE, DYNAMIC_PRESSURE, MACH_NUMBER, Q_SOURCE, QSource
@@ -44,15 +44,15 @@ from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
 from strainfmu.flight_condition import FlightCondition
 from strainfmu.interface.sensor_variables import reading_names
 
-SCORE_VERSION = 4
+SCORE_VERSION = 5
 """Raised whenever scores of flights have other figures of the same files."""
 
 AIR_DATA = (*ANGLES, MACH_NUMBER, DYNAMIC_PRESSURE)
 """Air data that the plant of a flight states as well [rad, rad, 1, Pa]."""
 
-EACH, SECOND = 10, 100
-"""The Cramer-Rao bound is taken at one sample of this many: it changes with the flight state alone. So many
-samples count as one flight in statistical errors: noise is new in each, the errors of the vehicle last."""
+SECOND = 100
+"""So many samples count as one flight in statistical errors: noise is new in each, the errors of the vehicle
+last."""
 
 RECORD = {
     "rms_error": ("rms", 1.0),
@@ -116,7 +116,7 @@ def flown_estimators(
         (names := (*COEFFICIENT_NAMES, *AIR_DATA)),
         inverse_map,
         strain if zeros is None else strain - zeros,
-        {**known, Q_SOURCE: float(QSource.INDEPENDENT)},
+        {**known, Q_SOURCE: np.full(len(strain), float(QSource.INDEPENDENT))},
     )
     flown = {"linear": Flown(read, of_map(inverse_map, "linear")(read))}
     if inverse_map.manifold is not None:
@@ -146,23 +146,20 @@ def _readings(
     strain: FloatArray | None = None,
     known: Mapping[str, Any] | None = None,
 ) -> Readings:
-    """Return what the plant read, with the truth of ``names``, and the Cramer-Rao bound at every :data:`EACH`-th
-    sample where the map has tables; known are q_inf, M and p_inf by altitude, as in a demonstration."""
+    """Return what the plant read, with the truth of ``names``, and the Cramer-Rao bound where the map has tables;
+    known are q_inf, M and p_inf by altitude, as in a demonstration."""
     n, bound = len(recording.time), None
     if inverse_map is not None:
-        flown = _columns(recording, "plant", (MACH_NUMBER, *ANGLES, ALTITUDE))[::EACH]
+        flown = _columns(recording, "plant", (MACH_NUMBER, *ANGLES, ALTITUDE))
         conditions = [FlightCondition(*state) for state in flown.tolist()]
         bound = cramer_rao_bound(inverse_map, conditions, (MACH_NUMBER, ALTITUDE, DYNAMIC_PRESSURE))
-    every = None if bound is None else np.full((n, bound.shape[1]), np.nan)
-    if bound is not None and every is not None:
-        every[::EACH] = bound
     return Readings(
         strain=np.empty((n, 0)) if strain is None else strain,
         known=known or {},
         truth=_columns(recording, "plant", names),
         vehicle=np.zeros(n, dtype=np.int64),
         flight=np.arange(n) // SECOND,
-        bound=every,
+        bound=bound,
     )
 
 
@@ -172,9 +169,8 @@ def _columns(recording: Recording, prefix: str, names: Sequence[str]) -> FloatAr
 
 SEED, VEHICLES, ROLLS = 3, 20, 4
 """Of the draws; vehicles at each condition; aerodynamic roll angles of each flow, where a map takes it at all."""
-MOST_PARTS = 6
-FEWEST_KNOTS = 2
-"""Mach numbers, and incidences, that a map must keep."""
+MOST_PARTS, LEAST_INCIDENCES = 6, 3
+"""Parts that are left out in turn, evenly spread over all; and incidences from which one is left out."""
 PART = 10**9
 """Between the numbers of vehicles, and of flights, of two parts."""
 
@@ -194,38 +190,25 @@ class LeftOut(NamedTuple):
 def left_out_parts(snapshots: Snapshots) -> list[LeftOut]:
     """Return the parts of the flows of ``snapshots`` to leave out in turn; empty where there are too few flows."""
     key = np.round([(condition.mach_number, condition.total_incidence) for condition in snapshots.conditions()], 6)
-    mach, incidence = np.unique(key[:, 0]), np.unique(key[:, 1])
-    flows = np.unique(key, axis=0)
-    inner = [mach[1:-1], incidence[:-1]]
-    is_inside = np.isin(key[:, 0], inner[0]) if len(inner[0]) else np.ones(len(key), dtype=bool)
-
-    def part(name: str, rows: IntArray) -> LeftOut:
-        return LeftOut(name, rows, rows[is_inside[rows]])
-
-    if len(flows) < len(mach) * len(incidence):
-        inside = flows[(flows[:, 1] < incidence[-1]) & np.isin(flows[:, 0], inner[0])]
-        parts = [inside[first::5] for first in range(min(5, len(inside)))]
-        rows = [np.flatnonzero((key[:, None] == flows).all(axis=2).any(axis=1)) for flows in parts]
-        return [part(f"part {i} of {len(parts)}", of_part) for i, of_part in enumerate(rows, start=1)]
-    of_mach = [(f"M {mach:g}", key[:, 0] == mach) for mach in inner[0]]
-    of_incidence = [
-        (f"total incidence {degrees(incidence):.4g} deg", key[:, 1] == incidence) for incidence in inner[1]
+    mach, incidence, flows = np.unique(key[:, 0]), np.unique(key[:, 1]), np.unique(key, axis=0)
+    is_inner, parts = np.isin(key[:, 0], mach[1:-1]), dict[str, BoolArray]()
+    if len(flows) == len(mach) * len(incidence):
+        parts |= {f"M {number:g}": key[:, 0] == number for number in mach[1:-1]}
+        if len(incidence) > LEAST_INCIDENCES:
+            parts |= {f"total incidence {degrees(a):.4g} deg": key[:, 1] == a for a in incidence[:-1]}
+    else:
+        inside = flows[(flows[:, 1] < incidence[-1]) & np.isin(flows[:, 0], mach[1:-1])]
+        count = min(5, len(inside))
+        for first in range(count):
+            alike = key[:, None] == inside[first::5]
+            parts[f"part {first + 1} of {count}"] = alike.all(axis=2).any(axis=1)
+    chosen = np.round(np.linspace(0, len(parts) - 1, min(MOST_PARTS, len(parts)))).tolist()
+    flown = is_inner if is_inner.any() else np.ones(len(key), dtype=bool)
+    return [
+        LeftOut(name, np.flatnonzero(rows), np.flatnonzero(rows & flown))
+        for number, (name, rows) in enumerate(parts.items())
+        if number in chosen
     ]
-    named = [
-        of_mach if len(mach) > FEWEST_KNOTS else [],
-        of_incidence if len(incidence) > FEWEST_KNOTS + 1 else [],
-    ]
-    half = MOST_PARTS // 2
-    room = [max(half, MOST_PARTS - len(group)) for group in reversed(named)]
-    chosen = [_spread(group, count) for group, count in zip(named, room, strict=True)]
-    return [part(name, np.flatnonzero(rows)) for group in chosen for name, rows in group]
-
-
-def _spread(values: list[Any], count: int) -> list[Any]:
-    """Return at most ``count`` of ``values``, evenly spread."""
-    if len(values) <= count:
-        return values
-    return [values[i] for i in np.unique(np.round(np.linspace(0, len(values) - 1, count)).astype(int))]
 
 
 def held_out_score(
@@ -300,15 +283,18 @@ def _flown(
 ) -> TrueFlights:
     """Return the flights of a vehicle in the flows of ``snapshots``: rolled where the map takes every flow at
     every roll angle."""
-    grid = snapshots.grid
+    grid, conditions = snapshots.grid, snapshots.conditions()
     assert grid is not None
-    n_m = structure.n_harmonics
-    harmonic, conditions = list[FloatArray](), list[FlightCondition]()
-    for row, condition in enumerate(snapshots.conditions()):
-        ratio = snapshots.pressure[row].reshape(len(grid.x), -1) / condition.ambient_pressure
-        amplitude = cosine_amplitudes(ratio, grid.roll_angle - condition.leeward_roll_angle, n_m)
-        rolled = made.provenance["symmetry"] == "full"
-        for _ in range(ROLLS if rolled else 1):
-            harmonic.append(amplitude)
-            conditions.append(at_any_roll(condition, condition.total_incidence, random) if rolled else condition)
-    return flights_of_harmonics(vehicle, structure, np.array(harmonic), conditions)
+    ratio = [p / c.ambient_pressure for p, c in zip(snapshots.pressure, conditions, strict=True)]
+    amplitude = [
+        cosine_amplitudes(
+            of_flow.reshape(len(grid.x), -1), grid.roll_angle - condition.leeward_roll_angle, structure.n_harmonics
+        )
+        for of_flow, condition in zip(ratio, conditions, strict=True)
+    ]
+    weight = np.eye(len(conditions))
+    if made.provenance["symmetry"] == "full":
+        weight = np.repeat(weight, ROLLS, axis=0)
+        listed = [condition for condition in conditions for _ in range(ROLLS)]
+        conditions = [at_any_roll(condition, condition.total_incidence, random) for condition in listed]
+    return flights_of_flows(vehicle, structure, np.array(amplitude), (weight, weight), conditions)

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import radians
 from pathlib import Path
 from typing import Any
 
@@ -30,12 +29,14 @@ from builder.vehicle.file import Vehicle
 from builder.vehicle.model_entries import KNOTS
 from builder.vehicle.shape.geometry import SurfaceGrid, surface_grid
 from strainfmu.arrays import BoolArray, FloatArray
-from strainfmu.errors import InputError
+from strainfmu.errors import FlowReachError, InputError
 from strainfmu.flight_condition import MACH_NUMBER, FlightCondition
 from strainfmu.records import load_record, save_record
 
 SCHEMA = "strainfmu.flow_table"
 SCHEMA_VERSION = 1
+
+FLOW_TITLE = "Flow: the vehicle that flies"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -64,6 +65,11 @@ class FlowTable:
             raise InputError(f"harmonic: expected shape {expected}, got {self.harmonic.shape}")
         if not np.all(np.isfinite(self.harmonic)):
             raise InputError("harmonic: not all values are finite")
+
+    @property
+    def flows(self) -> FloatArray:
+        """(n_M n_a, n_x, n_m) the amplitudes of each flow."""
+        return self.harmonic.reshape(-1, *self.harmonic.shape[2:])
 
 
 def pressure_harmonics(flow: Flow, surface: SurfaceGrid, max_harmonic: int) -> FloatArray:
@@ -159,23 +165,12 @@ def save_flow_table(table: FlowTable, path: Path) -> str:
     return save_record(table, path, SCHEMA, SCHEMA_VERSION, units)
 
 
-def load_flow_table(path: Path) -> FlowTable:
-    """Read and check a table.
-
-    Raises
-    ------
-    InputError
-        The file is missing, damaged, altered, or of another schema version.
-    """
-    return load_record(FlowTable, path, SCHEMA, SCHEMA_VERSION)
-
-
 ONE_MACH_NUMBER = 1e-3
 """Half the range of the flight model round a single Mach number, over that."""
 
 
 def truth_knots(vehicle: Vehicle) -> tuple[FloatArray, FloatArray]:
-    """Return the knots of the flight model: Mach numbers (n_M,) and total incidences (n_a,) [rad] from 0.
+    """Return the knots of the flight model: Mach numbers (n_M,) and positive total incidences (n_a,) [rad].
 
     A single Mach number, as of a wind tunnel, has two knots, :data:`ONE_MACH_NUMBER` below and above it.
 
@@ -193,14 +188,7 @@ def truth_knots(vehicle: Vehicle) -> tuple[FloatArray, FloatArray]:
     mach = np.unique(np.array(entry.mach_number))
     if len(mach) == 1:
         mach = mach * np.array([1.0 - ONE_MACH_NUMBER, 1.0 + ONE_MACH_NUMBER])
-    incidence = sorted(round(radians(angle), 9) for angle in entry.total_incidence_deg or ())
-    return mach, np.array([0.0, *incidence])
-
-
-def truth_keys(vehicle: Vehicle) -> list[FlowKey]:
-    """Return the (M, a_T [rad]) at which the independent model's flows are solved."""
-    mach, incidence = truth_knots(vehicle)
-    return flow_keys(mach, incidence[1:])
+    return mach, np.sort(np.round(np.radians(entry.total_incidence_deg or ()), 9))
 
 
 def flow_keys(mach: FloatArray, incidence: FloatArray) -> list[FlowKey]:
@@ -214,16 +202,16 @@ def truth_surface(vehicle: Vehicle) -> SurfaceGrid:
     return surface_grid(vehicle.body(), settings.surface_stations, settings.surface_roll_angles)
 
 
-def load_truth_flows(path: Path, vehicle: Vehicle) -> FlowTable:
+def load_flow_table(path: Path, vehicle: Vehicle) -> FlowTable:
     """Return the flows of a file if they are flows of the independent model of ``vehicle``.
 
     Raises
     ------
     InputError
-        As :func:`~builder.truth.revolution.flow_table.load_flow_table`, or the flows are of another vehicle or of
-        another ``[resolution.truth]``.
+        The file is missing, damaged, altered, or of another schema version; or the flows are of another vehicle or
+        of another ``[resolution.truth]``.
     """
-    table = load_flow_table(path)
+    table = load_record(FlowTable, path, SCHEMA, SCHEMA_VERSION)
     stations, harmonics = len(truth_surface(vehicle).x), vehicle.resolution.truth.harmonics
     got = table.harmonic.shape[2], table.harmonic.shape[3] - 1
     if table.vehicle != vehicle.name or got != (stations, harmonics):
@@ -246,29 +234,71 @@ def truth_engine(vehicle: Vehicle) -> EulerEngine | NewtonianEngine:
     return EulerEngine(vehicle.body(), marching_grid_of(vehicle.resolution.truth), truth_surface(vehicle))
 
 
-def truth_inputs(vehicle: Vehicle) -> dict[str, Any]:
-    """Return what the flow table depends on."""
+def flow_inputs(vehicle: Vehicle, mach: FloatArray, incidence: FloatArray) -> dict[str, Any]:
+    """Return what the table of flows at these knots depends on."""
     return {
+        "schema_version": SCHEMA_VERSION,
         "engine": truth_engine(vehicle).inputs(),
-        "truth": vehicle.truth.model_dump(include=set(KNOTS)),
+        MACH_NUMBER: mach.tolist(),
+        "total_incidence": incidence.tolist(),
         "resolution": vehicle.resolution.truth.model_dump(),
     }
 
 
-def independent_flows(
-    vehicle: Vehicle, reporter: Reporter, journal: Journal | None = None, scheduling: Scheduling | None = None
+def solved_flows(
+    vehicle: Vehicle,
+    mach: FloatArray,
+    incidence: FloatArray,
+    reporter: Reporter,
+    *,
+    failed: dict[FlowKey, str] | None = None,
+    journal: Journal | None = None,
+    scheduling: Scheduling | None = None,
 ) -> FlowTable:
-    """Solve the flows of the independent model and return their table."""
-    mach, incidence = truth_knots(vehicle)
-    flows, _ = complete_flows(
-        truth_engine(vehicle),
-        flow_keys(mach, incidence[1:]),
-        reporter,
-        "Flow: the vehicle that flies",
-        journal=journal,
-        scheduling=scheduling,
-    )
-    return flow_table(vehicle, mach, incidence[1:], flows)
+    """Solve the flows at each pair of ``mach`` (n_M,) and positive total ``incidence`` (n_a,) [rad], and return
+    their table.
+
+    With ``failed`` those out of the solver's reach are listed there, and the table ends before them.
+
+    Raises
+    ------
+    FlowReachError
+        The solver does not reach one of them; or with ``failed`` less than two Mach numbers or two incidences.
+    """
+    keys, how = flow_keys(mach, incidence), dict[str, Any](journal=journal, scheduling=scheduling)
+    flows, _ = complete_flows(truth_engine(vehicle), keys, reporter, FLOW_TITLE, failed=failed, **how)
+    if failed:
+        solved = np.array([key in flows for key in keys]).reshape(len(mach), -1)
+        rows, columns = solved_knots(solved)
+        if rows.sum() < 2 or columns.sum() < 2:
+            raise FlowReachError(f"flows of the independent model: {next(iter(failed.values()))}")
+        mach, incidence = mach[rows], incidence[columns]
+        reporter.note(
+            f"{len(failed)} of {solved.size} flows are out of the solver's reach: flights from M {mach[0]:.3g} to "
+            f"{mach[-1]:.3g}, total incidence up to {np.degrees(incidence[-1]):.3g} deg"
+        )
+    return flow_table(vehicle, mach, incidence, flows)
+
+
+def solved_knots(solved: BoolArray) -> tuple[BoolArray, BoolArray]:
+    """Return rows and columns of ``solved`` (n_M, n_a) to keep, so that all between them is true.
+
+    The outermost row or column with the largest fraction of failures goes first: lowest or highest Mach number,
+    largest incidence.
+    """
+    rows, columns = np.ones(solved.shape[0], dtype=bool), np.ones(solved.shape[1], dtype=bool)
+    while rows.any() and columns.any() and not solved[np.ix_(rows, columns)].all():
+        row_numbers, column_numbers = np.flatnonzero(rows), np.flatnonzero(columns)
+        failed = ~solved[np.ix_(rows, columns)]
+        fractions = [failed[0].mean(), failed[-1].mean(), failed[:, -1].mean()]
+        if max(fractions) == 0.0:  # a hole in the middle: the largest incidence goes until it is at the border
+            fractions[2] = 1.0
+        worst = int(np.argmax(fractions))
+        if worst == 2:
+            columns[column_numbers[-1]] = False
+        else:
+            rows[row_numbers[0 if worst == 0 else -1]] = False
+    return rows, columns
 
 
 def flow_table(

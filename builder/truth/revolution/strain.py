@@ -8,10 +8,9 @@ as built follows :mod:`builder.structure.as_built.revolved`.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from math import factorial
-from typing import Protocol
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -156,12 +155,8 @@ def sensor_readings(
     return np.asarray(ambient * net + dynamic * sensors.per_dynamic + sensors.offset)
 
 
-class FlyingSensors(Protocol):
-    """Auxiliary sensors of a vehicle that flies."""
-
-    def as_built(self, as_built: AsBuilt, random: np.random.Generator | None) -> BuiltSensors:
-        """Return the sensors of a vehicle ``as_built``, their own errors drawn; without errors of theirs for
-        None."""
+FlyingSensors = Callable[[AsBuilt, np.random.Generator | None], BuiltSensors]
+"""Returns the auxiliary sensors of a vehicle as built, with errors of theirs drawn, or without any for None."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -195,44 +190,67 @@ class TrueFlights(Flights):
         strain = reading_of(as_built, ambient, inside, *strain_per_pressure(flights, as_built))
         if self.sensors is None or self.harmonic is None:
             return strain
-        sensors = self.sensors.as_built(as_built, random)
+        sensors = self.sensors(as_built, random)
         return np.hstack([strain, sensor_readings(sensors, self.harmonic[rows], flights.conditions)])
 
 
 def true_flights(
-    vehicle: Vehicle, structure: TrueStructure, table: FlowTable, conditions: list[FlightCondition]
+    vehicle: Vehicle, structure: TrueStructure, table: FlowTable, conditions: Sequence[FlightCondition]
 ) -> TrueFlights:
-    """Return the flights of ``vehicle`` at ``conditions``."""
-    # Strain and loads are linear in the pressure: they are found for the flows of the table and interpolated.
+    """Return the flights of ``vehicle`` at ``conditions``, between the flows of ``table``."""
     mach, incidence, _ = flow_states(conditions)
-    knots = table.harmonic.reshape(-1, *table.harmonic.shape[2:])
-    weights = tuple(zip(by_parity(knots.shape[-1]), knot_weights(table, mach, incidence), strict=True))
+    return flights_of_flows(vehicle, structure, table.flows, knot_weights(table, mach, incidence), conditions)
 
-    def interpolated(at_knots: FloatArray) -> FloatArray:
-        """Return (.., k, n_m, n_s, 3) at the conditions of (.., n_knots, n_m, n_s, 3)."""
-        at_conditions = np.empty((*at_knots.shape[:-4], len(mach), *at_knots.shape[-3:]))
-        for of_parity, weight in weights:
-            part = at_knots[..., of_parity, :, :]
+
+def flights_of_flows(
+    vehicle: Vehicle,
+    structure: TrueStructure,
+    flows: FloatArray,
+    weights: Sequence[FloatArray],
+    conditions: Sequence[FlightCondition],
+) -> TrueFlights:
+    """Return the flights of ``vehicle`` at ``conditions`` under sums of known flows.
+
+    Strain and loads are linear in the pressure: they are solved for the flows.
+
+    Parameters
+    ----------
+    flows : (n_f, n_x, n_m) amplitudes of cos(m phi) in p / p_inf, phi from the leeward meridian, at the stations
+        of the structure.
+    weights : (k, n_f) of the even harmonics of each flow, and of the odd ones.
+    """
+    parts = tuple(zip(by_parity(flows.shape[-1]), weights, strict=True))
+
+    def summed(of_flows: FloatArray) -> FloatArray:
+        """Return (.., k, n_m, n_s, 3) at the conditions of (.., n_f, n_m, n_s, 3)."""
+        at_conditions = np.empty((*of_flows.shape[:-4], len(conditions), *of_flows.shape[-3:]))
+        for of_parity, weight in parts:
+            part = of_flows[..., of_parity, :, :]
             values = weight @ part.reshape(*part.shape[:-3], math.prod(part.shape[-3:]))
             at_conditions[..., of_parity, :, :] = values.reshape(*values.shape[:-1], *part.shape[-3:])
         return at_conditions
 
-    of_knots = loads_per_pressure(vehicle, structure.surface, knots)
-    (_, even), (_, odd) = weights
-    loads = np.column_stack([even @ of_knots[:, 0], odd @ of_knots[:, 1:]])
-    return _flights(vehicle, structure, changed_alike(_under(structure, knots), interpolated), loads, conditions)
-
-
-def flights_of_harmonics(
-    vehicle: Vehicle, structure: TrueStructure, harmonic: FloatArray, conditions: list[FlightCondition]
-) -> TrueFlights:
-    """Return the flights of ``vehicle`` at ``conditions`` under known pressure.
-
-    ``harmonic`` (k, n_x, n_m) are amplitudes of cos(m phi) in p / p_inf, phi from the leeward meridian, at the
-    stations of the structure.
-    """
-    loads = loads_per_pressure(vehicle, structure.surface, harmonic)
-    return _flights(vehicle, structure, _under(structure, harmonic), loads, conditions)
+    pressures, surface = pressures_at(vehicle, conditions), structure.surface
+    # An uneven wall turns the uniform pressure into strain of higher harmonics.
+    uniform = np.eye(min(max(WAVES) + 1, structure.n_harmonics))[0]
+    everywhere = np.broadcast_to(uniform, (1, len(surface.x), len(uniform)))
+    loads, (even, odd) = loads_per_pressure(vehicle, surface, flows), weights
+    loads = np.column_stack([even @ loads[:, 0], odd @ loads[:, 1:]])
+    axial, across, turning = (pressures["ambient_pressure"][:, None] * loads).T
+    of_uniform = loads_per_pressure(vehicle, surface, everywhere)[0, 0]
+    axial = axial - pressures["internal_pressure"] * of_uniform
+    roll = np.array([condition.leeward_roll_angle for condition in conditions])
+    cosine, sine = np.cos(roll), np.sin(roll)
+    five = np.column_stack([axial, across * cosine, across * sine, turning * cosine, turning * sine])
+    reference = vehicle.reference_quantities()
+    return TrueFlights(
+        structure=structure,
+        counts=structure.counts,
+        table=changed_alike(_under(structure, flows), summed),
+        uniform=_under(structure, everywhere),
+        coefficients=five * coefficient_scales_at(conditions, reference),
+        **pressures,
+    )
 
 
 def _under(structure: TrueStructure, pressure: FloatArray) -> ResponseTable:
@@ -244,36 +262,6 @@ def _under(structure: TrueStructure, pressure: FloatArray) -> ResponseTable:
         return under
 
     return changed_alike(structure.table, of_each)
-
-
-def _flights(
-    vehicle: Vehicle,
-    structure: TrueStructure,
-    table: ResponseTable,
-    loads: FloatArray,
-    conditions: list[FlightCondition],
-) -> TrueFlights:
-    """Return the flights of flows that strain as in ``table``; ``loads`` (k, 3) are theirs per p_inf, as by
-    :func:`loads_per_pressure`."""
-    pressures = pressures_at(vehicle, conditions)
-    # An uneven wall turns the uniform pressure into strain of higher harmonics.
-    uniform = np.eye(min(max(WAVES) + 1, structure.n_harmonics))[0]
-    everywhere = np.broadcast_to(uniform, (1, len(structure.surface.x), len(uniform)))
-    axial, across, turning = (pressures["ambient_pressure"][:, None] * loads).T
-    of_uniform = loads_per_pressure(vehicle, structure.surface, everywhere)[0, 0]
-    axial = axial - pressures["internal_pressure"] * of_uniform
-    roll = np.array([condition.leeward_roll_angle for condition in conditions])
-    cosine, sine = np.cos(roll), np.sin(roll)
-    five = np.column_stack([axial, across * cosine, across * sine, turning * cosine, turning * sine])
-    reference = vehicle.reference_quantities()
-    return TrueFlights(
-        structure=structure,
-        counts=structure.counts,
-        table=table,
-        uniform=_under(structure, everywhere),
-        coefficients=five * coefficient_scales_at(conditions, reference),
-        **pressures,
-    )
 
 
 def loads_per_pressure(vehicle: Vehicle, surface: SurfaceGrid, harmonic: FloatArray) -> FloatArray:
@@ -361,7 +349,7 @@ def flight_model(
     dynamic = 0.7 * mach[:, None, None] ** 2 * gauges.per_dynamic[first]
     strain[:, :, :, 0, 0] += gauges.per_ambient[first] + dynamic
     area = reference.area * np.array([1.0, 1.0, reference.length])
-    of_load = loads_per_pressure(vehicle, structure.surface, harmonic.reshape(-1, *harmonic.shape[2:]))
+    of_load = loads_per_pressure(vehicle, structure.surface, table.flows)
     of_uniform = loads_per_pressure(
         vehicle, structure.surface, np.broadcast_to([1.0, 0.0], (1, harmonic.shape[2], 2))
     )
