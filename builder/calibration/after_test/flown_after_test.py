@@ -1,7 +1,6 @@
 """Vehicles that one ground test allows, flying on the independent model: for the alarm levels of a calibrated map.
 
-They are drawn from the covariance after the test about the estimate. Each flies about ten times, with noise of its
-own each time, and its errors have the other sign in half of its flights. The strain of the drawing is the strain
+Each is drawn from the covariance after the test about the estimate. The strain of the drawing is the strain
 of the independent model; its change by the vehicle is the map's own model's, to first order about the estimate.
 The errors that no ground test knows are drawn as for the map of the drawing.
 """
@@ -24,9 +23,6 @@ from strainfmu.arrays import FloatArray
 from strainfmu.estimator.signal_names import ZERO
 from strainfmu.flight_condition import FlightCondition
 
-VEHICLES, SEED = 4000, 20261
-"""Vehicles that fly, and the seed that they are drawn with."""
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class AllowedFlights(TrueFlights):
@@ -40,7 +36,8 @@ class AllowedFlights(TrueFlights):
     by_gauge : (k, n_g, n_d) derivatives of that strain by the kinds of which every gauge has its own parameter
         [m/m per unit].
     by_all : (k, n_a, n_d) derivatives by the parameters that all gauges see [m/m per unit].
-    errors : (n_v, n_d + n_g n_d + n_a) of the zeros and then of those parameters, of the vehicles that fly.
+    factor : (n_d + n_g n_d + n_a, r) whose product with its transpose is the covariance after the test, of the
+        zeros and then of those parameters.
     """
 
     of_flow: FloatArray
@@ -48,19 +45,18 @@ class AllowedFlights(TrueFlights):
     change: FloatArray
     by_gauge: FloatArray
     by_all: FloatArray
-    errors: FloatArray
+    factor: FloatArray
 
     def read(
         self, built: AsBuilt, rows: slice = slice(None), random: np.random.Generator | None = None
     ) -> FloatArray:
-        """Return (v, n_d) strain that v vehicles as ``built`` read in one flight; what the test leaves is of
-        a vehicle drawn."""
+        """Return (v, n_d) strain that v vehicles as ``built`` read in one flight; what the test leaves is
+        drawn."""
         assert random is not None
         number = rows.start
         ambient, inside = self.ambient_pressure[rows], self.internal_pressure[rows]
         strain = reading_of(built, ambient, inside, self.of_flow[number], self.of_unit)
-        error = self.errors[random.integers(len(self.errors), size=len(strain))]
-        error *= random.choice((-1.0, 1.0), size=(len(strain), 1))
+        error = random.standard_normal((len(strain), self.factor.shape[1])) @ self.factor.T
         _, n_g, n_d = self.by_gauge.shape
         # Zeros are taken off as estimated, so that their error is a reading of its own.
         zeros, single, common = np.split(error, [n_d, (1 + n_g) * n_d], axis=1)
@@ -104,7 +100,6 @@ def allowed_flights(
     rows = [place[where[ZERO]]]
     rows += [place[where[kind]] if of_gauges((kind, k)) else place[where[kind]][k : k + 1] for kind, k in keys]
     value, vector = np.linalg.eigh(remaining.covariance)
-    factor = vector[np.concatenate(rows)] * np.sqrt(np.maximum(value, 0.0))
     return AllowedFlights(
         **vars(flights),
         of_flow=of_flow,
@@ -112,7 +107,7 @@ def allowed_flights(
         change=strain[:, 0],
         by_gauge=strain[:, 1:first_common],
         by_all=strain[:, first_common:],
-        errors=np.random.default_rng(SEED).standard_normal((VEHICLES, factor.shape[1])) @ factor.T,
+        factor=vector[np.concatenate(rows)] * np.sqrt(np.maximum(value, 0.0)),
     )
 
 
