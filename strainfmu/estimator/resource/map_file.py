@@ -221,32 +221,30 @@ def _tables(part: str, fixed_response: Callable[[Any], FloatArray]) -> tuple[Ent
     # fmt: on
 
 
-def _covariances(
-    place: str, before: str, errors: str, columns: Callable[[Any], tuple[FloatArray, FloatArray]]
-) -> tuple[Entry, ...]:
-    """Return the covariances of ``errors``, whose strain (n_d, k) and loads (n_f, k) per p_inf ``columns`` gives.
+def _covariances(place: str, before: str, columns: str, errors: str) -> tuple[Entry, ...]:
+    """Return the covariances of ``errors``, whose fields begin with ``columns``.
 
     They are of strain, at ``place``, of the five loads and of the others, under names that begin with ``before``.
     """
 
-    def pair(first: str, second: str) -> Callable[[Any], FloatArray]:
-        def value(source: Any) -> FloatArray:
-            strain, load = columns(source)
-            parts = {"gauges": strain, "five": load[FIVE_LOADS], "others": load[OTHER_LOADS]}
-            return product(parts[first], parts[second].T)
+    def parts(source: Any) -> tuple[FloatArray, FloatArray, FloatArray]:
+        strain, load = (getattr(source.tables, f"{columns}_{rows}") for rows in ("strain", "load"))
+        return strain, load[FIVE_LOADS], load[OTHER_LOADS]
 
-        return value
+    def covariance(first: int, second: int) -> Callable[[Any], FloatArray]:
+        return lambda source: product(parts(source)[first], parts(source)[second].T)
 
+    strain, five, others = range(3)
     # fmt: off
     return (
-        Entry(place, f"of {errors}", pair("gauges", "gauges"), "n_gauges n_gauges", unit="1/Pa^2"),
-        Entry(f"flight.{before}load_strain_covariance", "the same of loads with strain", pair("five", "gauges"),
+        Entry(place, f"of {errors}", covariance(strain, strain), "n_gauges n_gauges", unit="1/Pa^2"),
+        Entry(f"flight.{before}load_strain_covariance", "the same of loads with strain", covariance(five, strain),
             "5 n_gauges", unit=""),
-        Entry(f"flight.{before}load_covariance", "the same of loads", pair("five", "five"), "5 5", unit=""),
-        Entry(f"flight_loads.{before}strain_covariance", f"with strain, of {errors}", pair("others", "gauges"),
+        Entry(f"flight.{before}load_covariance", "the same of loads", covariance(five, five), "5 5", unit=""),
+        Entry(f"flight_loads.{before}strain_covariance", f"with strain, of {errors}", covariance(others, strain),
             "n_loads n_gauges", unit=""),
         Entry(f"flight_loads.{before}variance", "the same of each load",
-            lambda s: np.sum(columns(s)[1][OTHER_LOADS] ** 2, axis=1), "n_loads", unit=""),
+            lambda s: np.sum(parts(s)[others] ** 2, axis=1), "n_loads", unit=""),
     )
     # fmt: on
 
@@ -426,10 +424,8 @@ DERIVED: tuple[Entry, ...] = (
     Entry("flight.gain_std", "error of each gain, relative", lambda s: s.tables.gain_std, "n_gauges"),
     Entry("flight.common_gain", "error that gains have in common, in each of them",
         lambda s: s.tables.common_gain, "n_gauges"),
-    *_covariances("flight.scaled_covariance", "", "errors that the gain may correct, per p_inf^2",
-        lambda s: (s.tables.error_strain, s.tables.error_load)),
-    *_covariances("flight.considered_covariance", "considered_", "considered errors",
-        lambda s: (s.tables.considered_strain, s.tables.considered_load)),
+    *_covariances("flight.scaled_covariance", "", "error", "errors that the gain may correct, per p_inf^2"),
+    *_covariances("flight.considered_covariance", "considered_", "considered", "considered errors"),
     Entry("flight.considered_common", "considered ones of common_error", lambda s: s.tables.considered_common,
         "n_considered_common 6 n_gauges", unit="1/Pa"),
     Entry("flight.shapes", "discrepancy modes", lambda s: s.tables.discrepancy_shapes.T, "n_shapes n_gauges"),
