@@ -29,6 +29,9 @@ QUEUED_CYCLES = 50
 HAND_OVER = 5e-4
 """Longest time for which a thread that records or publishes keeps Python to itself while the bridge waits [s]."""
 
+GARBAGE = 20_000
+"""New objects after which some are looked at: the usual 700 come together in some ten cycles."""
+
 ERRORS_PER_SECOND = 200
 """Failed receptions within a second after which the bus counts as broken; single ones are ignored. Messages that
 are no frames are no such failures."""
@@ -147,10 +150,12 @@ class Backlog:
     def __init__(self, max_age: float, cycle_time: float) -> None:
         self._caught_up = cycle_time
         self._longest = max(0.5 * max_age * cycle_time, self._caught_up)
-        self._behind = False
+        self.is_behind = False
         self._skipped = 0
         self._in_time, self._quick = max_age * cycle_time, self._QUICK * cycle_time
         self._answer_time: float | None = None
+        self.soon = min(0.5 * self._caught_up, self._in_time - self._quick)
+        """A frame that has waited for less is answered, unless the bridge is behind [s]."""
 
     def answered(self, seconds: float) -> None:
         """Note that the answer of a cycle took so long [s]."""
@@ -160,10 +165,10 @@ class Backlog:
     def is_answered(self, waited: float) -> bool:
         """Return whether a cycle is answered whose frames have waited for ``waited`` [s]."""
         if self._answer_time is not None and self._answer_time <= self._quick:
-            self._behind = waited > self._in_time - self._answer_time
+            self.is_behind = waited > self._in_time - self._answer_time
         else:
-            self._behind = waited > (self._caught_up if self._behind else self._longest)
-        self._skipped = self._skipped + 1 if self._behind and self._skipped < self._MOST_SKIPPED else 0
+            self.is_behind = waited > (self._caught_up if self.is_behind else self._longest)
+        self._skipped = self._skipped + 1 if self.is_behind and self._skipped < self._MOST_SKIPPED else 0
         return self._skipped == 0
 
 
@@ -216,9 +221,12 @@ def undisturbed(hand_over: float) -> Iterator[None]:
     sys.setswitchinterval(min(hand_over, before))
     gc.collect()
     gc.freeze()
+    thresholds = gc.get_threshold()
+    gc.set_threshold(GARBAGE, *thresholds[1:])
     try:
         yield
     finally:
+        gc.set_threshold(*thresholds)
         gc.unfreeze()
         sys.setswitchinterval(before)
 
@@ -296,15 +304,13 @@ class Bridge:
 
     def _turn(self, now: float, end: float) -> float:
         """Wait for a message or for the next event, and process it; return the time then [s]."""
-        if self._is_confirmed:
-            self._is_confirmed = False
-            self.machine.confirm()
-        if self.say is not None and now >= self._frames_at:
-            self.say(self.machine.frames_text())
-            self.say = None
+        if self._is_confirmed or now >= self._frames_at:
+            self._attend(now)
         listener, inbox, due = self.listener, self._inbox, self._back_off.due
-        event = min(self.machine.next_event, listener.next_status, end, inf if due is None else due)
-        wait = min(max(event - now, 0.0), _LONGEST_WAIT)
+        event = min(self.machine.next_event, listener.next_status, end)
+        event = event if due is None else min(event, due)
+        wait = event - now
+        wait = 0.0 if wait < 0.0 else wait if wait < _LONGEST_WAIT else _LONGEST_WAIT
         if inbox is None:
             time.sleep(wait)
             now = self._clock()
@@ -340,17 +346,33 @@ class Bridge:
         if listener.answered > n_answered:
             now = self._clock()
             self._backlog.answered((now - begin) / (listener.answered - n_answered))
-        is_skipping = not self._backlog.is_answered(begin - listener.known)
+        backlog = self._backlog
+        if self._is_skipping or backlog.is_behind or begin - listener.known > backlog.soon:
+            self._skip(begin - listener.known)
+        if now >= listener.next_status:
+            listener.send_status(now)
+        return now
+
+    def _skip(self, waited: float) -> None:
+        """Begin or end to skip cycles, or go on, by how long a frame has waited [s]."""
+        known, is_skipping = self.listener.known, not self._backlog.is_answered(waited)
         if self._is_skipping:
-            self.skips[-1] = self.skips[-1][0], listener.known
+            self.skips[-1] = self.skips[-1][0], known
         if is_skipping != self._is_skipping:
             self._is_skipping = is_skipping
             self.machine.skip(is_skipping)
             if is_skipping and len(self.skips) < _KEPT_SKIPS:
-                self.skips.append((listener.known, listener.known))
-        if now >= listener.next_status:
-            listener.send_status(now)
-        return now
+                self.skips.append((known, known))
+
+    def _attend(self, now: float) -> None:
+        """Do what the user has asked for, and say which frames have come."""
+        if self._is_confirmed:
+            self._is_confirmed = False
+            self.machine.confirm()
+        if now >= self._frames_at:
+            self._frames_at = inf
+            if self.say is not None:
+                self.say(self.machine.frames_text())
 
     def _note_failure(self, error: Exception) -> None:
         """Count a message that is no frame, or a failed reception; give the bus up if it is broken."""
