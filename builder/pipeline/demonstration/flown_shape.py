@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Sequence
 from hashlib import sha256
-from math import degrees, nan
+from math import degrees
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -37,6 +37,7 @@ from builder.truth.revolution.strain import TrueStructure, flight_model
 from builder.truth.shape import flights_along, flows_along, flying_structure
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map_needs import is_in_radians
+from strainfmu.cosim.estimators.fmu_step import FmuStep
 from strainfmu.cosim.models import flight_model as flight_model_file
 from strainfmu.cosim.models.flight_model import save_flight_model
 from strainfmu.cosim.models.trajectory import Trajectory
@@ -50,8 +51,7 @@ from strainfmu.fmu.export import ExportOptions, export_estimator
 from strainfmu.fmu.native.package import shipped_libraries
 from strainfmu.interface.fmi_variables import strain_names
 from strainfmu.interface.health_names import CHI_SQUARE, CHI_SQUARE_LIMIT, STATE
-from strainfmu.recorded.estimators import open_estimator
-from strainfmu.recorded.samples import Samples
+from strainfmu.interface.parameter_variables import PREFIX
 
 STEP_SIZE = 0.01
 """Time between communication points, and samples, of the flight [s]: 100 Hz."""
@@ -226,6 +226,8 @@ def manoeuvre_warnings(
 
 
 NOISE_SEED = 1
+OF_ROLLING = (ROLLING, f"sigma.{ROLLING}")
+"""Outputs of FMUs whose map is in form "dynamic_pressure"."""
 
 
 def fly_free_shape(pipeline: Pipeline, path: Trajectory, as_built: AsBuilt) -> Recording:
@@ -253,36 +255,52 @@ def _fly(pipeline: Pipeline, path: Trajectory, as_built: AsBuilt) -> Recording:
     flows = flows_along(vehicle, path, pipeline.reporter)
     structure = flying_structure(vehicle, load_structure(pipeline.path(STRUCTURE)), pipeline.reporter)
     flown = list(flights_along(vehicle, structure, flows, time, path))
+    conditions = [condition for part in flown for condition in part.conditions]
     strain = np.concatenate([part.read(as_built) for part in flown])
     strain = strain + np.random.default_rng(NOISE_SEED).standard_normal(strain.shape) * inverse_map.noise_std
-    rows = [condition.as_row() for part in flown for condition in part.conditions]
-    state = (MACH_NUMBER, *ANGLES, ALTITUDE, *vehicle.conditions.parameters)
     pressure = np.concatenate([part.dynamic_pressure for part in flown])
-    stated = {DYNAMIC_PRESSURE: pressure * (1.0 + as_built.dynamic_pressure.item())}
-    stated |= zip(state, np.transpose(rows), strict=True)
-    samples = Samples(time=time, strain=strain, flow=stated | {Q_SOURCE: np.full(len(time), QSource.INDEPENDENT)})
+    stated = pressure * (1.0 + as_built.dynamic_pressure.item())
+    parameters = tuple(vehicle.conditions.parameters)
+    flow = (Q_SOURCE, MACH_NUMBER, ALTITUDE, *(f"{PREFIX}{name}" for name in parameters))
+    rows, cost, measured = [], [], float(QSource.INDEPENDENT)
     with (
-        pipeline.reporter.stage("Flight: the estimator FMU"),
-        open_estimator(pipeline.path(ESTIMATOR)) as estimator,
+        pipeline.reporter.stage("Flight: the estimator FMU") as progress,
+        FmuStep(pipeline.path(ESTIMATOR), flow, (CHI_SQUARE_LIMIT, *OF_ROLLING)) as step,
     ):
-        begun = perf_counter()
-        made = estimator.estimate(samples, nan).values
-        cost = (perf_counter() - begun) / len(time)
-    plant = dict(zip(COEFFICIENT_NAMES, np.concatenate([part.coefficients for part in flown]).T, strict=True))
-    if ROLLING in made:
-        plant[ROLLING] = np.concatenate([part.rolling for part in flown if part.rolling is not None])
-    plant |= zip(strain_names(strain.shape[1]), strain.T, strict=True)
-    columns = {f"plant.{name}": values for name, values in (plant | stated).items()}
-    loads = (*COEFFICIENT_NAMES, ROLLING)
-    answers = (*loads, *(f"sigma.{name}" for name in loads), STATE, CHI_SQUARE, CHI_SQUARE_LIMIT)
-    columns |= {f"estimator.{name}": made[name] for name in answers if name in made}
-    units = {DYNAMIC_PRESSURE: "Pa", ALTITUDE: "m", STATE: "", **dict.fromkeys(ANGLES, "rad")}
-    units |= dict.fromkeys(vehicle.conditions.parameters, "")
+        of_rolling = [name for name in OF_ROLLING if name in step.other_outputs]
+        for i, condition in enumerate(conditions):
+            inputs = (measured, condition.mach_number, condition.altitude, *condition.parameters)
+            values = dict(zip(flow, inputs, strict=True))
+            begun = perf_counter()
+            result = step(strain[i], stated[i], STEP_SIZE, **{n: values[n] for n in step.other_inputs})
+            cost.append(perf_counter() - begun)
+            rows.append(
+                [
+                    *result.coefficients,
+                    *result.coefficients_std,
+                    result.health,
+                    result.chi_square,
+                    *(result.other_outputs[name] for name in (CHI_SQUARE_LIMIT, *of_rolling)),
+                ]
+            )
+            if i % 100 == 0:
+                progress(i, len(strain))
+    table = np.array([condition.as_row() for condition in conditions])
+    rolling, sigmas = [ROLLING] if of_rolling else [], [f"sigma.{name}" for name in COEFFICIENT_NAMES]
+    plant = dict.fromkeys([*COEFFICIENT_NAMES, *rolling, *strain_names(strain.shape[1])], "1")
+    plant |= {DYNAMIC_PRESSURE: "Pa", MACH_NUMBER: "1", **dict.fromkeys(ANGLES, "rad"), ALTITUDE: "m"}
+    plant |= dict.fromkeys(parameters, "")
+    estimator = dict.fromkeys([*COEFFICIENT_NAMES, *sigmas], "1")
+    estimator |= {STATE: "", CHI_SQUARE: "1", CHI_SQUARE_LIMIT: "1", **dict.fromkeys(of_rolling, "1")}
+    units = {f"plant.{name}": unit for name, unit in plant.items()}
+    units |= {f"estimator.{name}": unit for name, unit in estimator.items()}
+    loads = [np.concatenate([part.coefficients for part in flown])]
+    loads += [np.concatenate([part.rolling for part in flown if part.rolling is not None])] if rolling else []
     return Recording(
         time=time,
-        names=tuple(columns),
-        units=tuple(units.get(name.partition(".")[2], "1") for name in columns),
-        values=np.column_stack(list(columns.values())),
+        names=tuple(units),
+        units=tuple(units.values()),
+        values=np.column_stack([*loads, strain, stated, table, np.array(rows)]),
         instances=("estimator",),
-        step_cost=np.full((len(time) - 1, 1), cost),
+        step_cost=np.array(cost[1:])[:, None],
     )
