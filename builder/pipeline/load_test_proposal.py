@@ -240,7 +240,6 @@ def write_proposal(
 
 def _written(run: RunCase, plan: LoadPlan, schedule: Schedule) -> WrittenCase:
     """Return a case as it stands in the file."""
-    before, after = schedule.parts(run.case)
     worth = remark(plan, run.number) if run.number >= 0 else ""
     return WrittenCase(
         name=run.case.name,
@@ -248,9 +247,7 @@ def _written(run: RunCase, plan: LoadPlan, schedule: Schedule) -> WrittenCase:
         remark=f"{KINDS[run.kind]}{worth}",
         check=run.kind == "check",
         steps=tuple(
-            WrittenStep(part=part, unloading=unloading)
-            for parts, unloading in ((before, False), (after, True))
-            for part in parts
+            WrittenStep(part=part, unloading=unloading) for part, unloading in schedule.steps_of(run.case)
         ),
     )
 

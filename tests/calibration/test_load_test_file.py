@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from builder.calibration.ground_test.ground_test_readings import read_load_test, read_windows
+from builder.calibration.ground_test.ground_test_readings import read_load_test
 from builder.calibration.ground_test.load_test_file import read_test_file
 from builder.calibration.ground_test.load_test_writer import WrittenCase, write_load_test
 from builder.structure.loads.applied import (
@@ -97,21 +97,25 @@ def test_file_gives_loads_and_how_exactly_they_are_known(tmp_path: Path) -> None
 def test_standard_deviation_is_that_of_a_mean(tmp_path: Path) -> None:
     """Windows that are alike: their pooled scatter over the root of the number of samples, and the stated one."""
     strain = two_steps(tmp_path)
-    found = read_windows(read_test_file(written(tmp_path)), GAUGES)
+    found, said = read_load_test(read_test_file(written(tmp_path)), GAUGES)
     pooled = np.sqrt(0.5 * (strain[:20].var(axis=0, ddof=1) + strain[20:].var(axis=0, ddof=1)))
-    np.testing.assert_allclose(found.std, np.tile(pooled / np.sqrt(20), (2, 1)), rtol=1e-9)
+    np.testing.assert_allclose(found.reading_stds, np.tile(pooled / np.sqrt(20), (2, 1)), rtol=1e-9)
     drifting = FILE.replace("[errors]", "reading_std_um_per_m = 0.3\n[errors]")
-    found = read_windows(read_test_file(written(tmp_path, drifting)), GAUGES)
-    np.testing.assert_allclose(found.std, np.tile(np.hypot(pooled / np.sqrt(20), 3e-7), (2, 1)), rtol=1e-9)
+    found, _ = read_load_test(read_test_file(written(tmp_path, drifting)), GAUGES)
+    np.testing.assert_allclose(
+        found.reading_stds, np.tile(np.hypot(pooled / np.sqrt(20), 3e-7), (2, 1)), rtol=1e-9
+    )
 
 
 def test_single_rows_need_a_stated_deviation(tmp_path: Path) -> None:
     two_steps(tmp_path)
     rows = FILE.replace("window_s = [0.0, 0.95]", "row = 1").replace("window_s = [1.0, 1.95]", "row = 40")
     with pytest.raises(InputError, match=r"reading_std_um_per_m: expected more than 0"):
-        read_windows(read_test_file(written(tmp_path, rows)), GAUGES)
+        read_load_test(read_test_file(written(tmp_path, rows)), GAUGES)
     stated = rows.replace("[errors]", "reading_std_um_per_m = 0.5\n[errors]")
-    np.testing.assert_allclose(read_windows(read_test_file(written(tmp_path, stated)), GAUGES).std, 5e-7)
+    np.testing.assert_allclose(
+        read_load_test(read_test_file(written(tmp_path, stated)), GAUGES)[0].reading_stds, 5e-7
+    )
 
 
 def test_lost_and_dead_channels_and_moving_loads_are_said(tmp_path: Path) -> None:
@@ -120,18 +124,18 @@ def test_lost_and_dead_channels_and_moving_loads_are_said(tmp_path: Path) -> Non
     strain[:, 1] = 3e-6
     strain[20:30, 2] += 5e-6
     write_recording(tmp_path, strain)
-    found = read_windows(read_test_file(written(tmp_path)), GAUGES)
-    assert np.isnan(found.mean[0, 0])
-    assert np.isfinite(found.mean[1, 0])
-    assert np.isnan(found.mean[:, 1]).all()
-    said = "\n".join(found.notes)
+    found, said = read_load_test(read_test_file(written(tmp_path)), GAUGES)
+    assert np.isnan(found.readings[0, 0])
+    assert np.isfinite(found.readings[1, 0])
+    assert np.isnan(found.readings[:, 1]).all()
+    lines = "\n".join(said)
     (line,) = found.left_out
     assert line.endswith(
         "gauge 'b': railed or frozen, 100 % of its samples in test.csv stand at 3 um/m; left out of all cases"
     )
-    assert line in said
-    assert "case 'level': 1 gauges without a reading" in said
-    assert "case 'pad': strain moves by 4.99 um/m" in said
+    assert line in lines
+    assert "case 'level': 1 gauges without a reading" in lines
+    assert "case 'pad': strain moves by 4.99 um/m" in lines
 
 
 def test_channels_file_of_the_recorder_is_used(tmp_path: Path) -> None:
@@ -140,10 +144,10 @@ def test_channels_file_of_the_recorder_is_used(tmp_path: Path) -> None:
     channels = "[defaults]\nunit = 'um/m'\n[[channel]]\nname = 'ch1'\ngauge = 'a'\n"
     (tmp_path / "channels.toml").write_text(channels + "[[channel]]\nname = 'ch0'\ngauge = 'b'\nsign = -1\n")
     text = FILE.replace("[errors]", "channels = 'channels.toml'\n[errors]")
-    found = read_windows(read_test_file(written(tmp_path, text)), GAUGES)
-    np.testing.assert_allclose(found.mean[1, :2], [strain[20:, 1].mean(), -strain[20:, 0].mean()], rtol=1e-9)
-    assert np.isnan(found.mean[:, 2]).all()
-    assert any("gauge 'c' has no reading in any case" in line for line in found.notes)
+    found, said = read_load_test(read_test_file(written(tmp_path, text)), GAUGES)
+    np.testing.assert_allclose(found.readings[1, :2], [strain[20:, 1].mean(), -strain[20:, 0].mean()], rtol=1e-9)
+    assert np.isnan(found.readings[:, 2]).all()
+    assert any("gauge 'c' has no reading in any case" in line for line in said)
 
 
 def test_baselines_alone_are_no_test(tmp_path: Path) -> None:
@@ -279,4 +283,4 @@ def test_faults_name_the_entry(tmp_path: Path, text: str, line: str) -> None:
 def test_readings_that_are_not_there_are_refused(tmp_path: Path, text: str, line: str) -> None:
     two_steps(tmp_path)
     with pytest.raises(InputError, match=line):
-        read_windows(read_test_file(written(tmp_path, text)), GAUGES)
+        read_load_test(read_test_file(written(tmp_path, text)), GAUGES)

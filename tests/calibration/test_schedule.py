@@ -49,10 +49,13 @@ def test_zero_readings_stand_between_and_at_the_end(attitudes: int) -> None:
 def test_time_is_of_set_ups_and_readings() -> None:
     """Two attitudes and four loads are set up; loads have seven readings, attitudes and zeros one."""
     schedule = Schedule(steps=3, setup_time=600.0, reading_time=30.0)
-    assert schedule.loading == pytest.approx((0.0, 1.0 / 3.0, 2.0 / 3.0), abs=1e-4)
-    assert schedule.unloading == schedule.loading[::-1]
+    steps = schedule.steps_of(plan(2).cases[0])
+    assert [part for part, _ in steps] == pytest.approx(
+        [0.0, 1.0 / 3.0, 2.0 / 3.0, 2.0 / 3.0, 1.0 / 3.0, 0.0], abs=1e-4
+    )
+    assert [unloading for _, unloading in steps] == [False] * 3 + [True] * 3
     assert whole_time(plan(2), schedule) == 6 * 600.0 + (2 + 2 + 4 * 7) * 30.0
-    assert Schedule(steps=1).loading == (0.0,)
+    assert Schedule(steps=1).steps_of(plan(2).cases[0]) == [(0.0, False), (0.0, True)]
 
 
 def test_kinds_are_established_or_stay_as_they_were() -> None:

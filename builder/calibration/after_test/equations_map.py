@@ -11,6 +11,7 @@ that redundant gauges allow. Without redundancy there is no y, and a fault of a 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import date
 
@@ -51,10 +52,7 @@ class FittedEquations:
     @property
     def gain(self) -> FloatArray:
         """(n_l, n_d) beta [(N, N m) / (m/m)]."""
-        gain = np.zeros((len(self.equations), self.test.strain.shape[1]))
-        for row, equation in zip(gain, self.equations, strict=True):
-            row[list(equation.gauges)] = equation.coefficient
-        return gain
+        return _gain(self.equations, self.test.strain.shape[1])
 
     @property
     def predicted(self) -> FloatArray:
@@ -116,11 +114,8 @@ def fit_equations(test: AppliedTest) -> FittedEquations:
     empty = [equation.load for equation in equations if not equation.gauges]
     if empty:
         raise InputError(f"{file.table_path}: {empty[0]}: expected gauges whose T is 4 or more, got none")
-    gain = np.zeros((n_l, n_d))
-    for row, equation in zip(gain, equations, strict=True):
-        row[list(equation.gauges)] = equation.coefficient
     per_load = np.linalg.lstsq(of_load / size, change, rcond=None)[0].T / size
-    per_load = per_load @ np.linalg.inv(gain @ per_load)
+    per_load = per_load @ np.linalg.inv(_gain(equations, n_d) @ per_load)
     left_out = np.column_stack([equation.left_out for equation in equations])
     return FittedEquations(
         test=test,
@@ -129,6 +124,13 @@ def fit_equations(test: AppliedTest) -> FittedEquations:
         load_covariance=left_out.T @ left_out / len(left_out) + np.diag((1e-9 * size) ** 2),
         strain_per_load=per_load,
     )
+
+
+def _gain(equations: Sequence[LoadEquation], n_gauges: int) -> FloatArray:
+    gain = np.zeros((len(equations), n_gauges))
+    for row, equation in zip(gain, equations, strict=True):
+        row[list(equation.gauges)] = equation.coefficient
+    return gain
 
 
 def equations_map(fitted: FittedEquations) -> InverseMap:

@@ -59,67 +59,46 @@ def check_loads(
 
     Gauges that the estimate left out are left out here as well.
     """
-    model = fit.model
-    checks = [k for k, case in enumerate(model.test.cases) if case.check]
-    if not checks:
-        return []
+    model, rows = fit.model, list[CheckLoad]()
+    if model.test.fitted.all():
+        return rows
     readings, jacobian = model.jacobian(fit.vector)
-    strain = (1.0 + model.errors(fit.vector).scale)[:, None] * model.load_strains(fit.parameters)
+    errors = model.errors(fit.vector)
+    strain = (1.0 + errors.scale)[:, None] * model.load_strains(fit.parameters)
     loads = applied_loads(model, moment_station, float(fit.parameters.mass[0]))
     good = np.asarray(fit.used.any(axis=0))
-    return [
-        _check_load(
-            fit,
-            k,
-            use=good & np.isfinite(model.test.readings[k]),
-            residual=model.test.readings[k] - readings[k],
-            jacobian=jacobian[k * good.size : (k + 1) * good.size].toarray(),
-            strain=strain,
-            equations=equations,
-            loads=loads[k],
+    for k, case in enumerate(model.test.cases):
+        if not case.check:
+            continue
+        used = good & np.isfinite(case.reading)
+        columns = jacobian[k * good.size : (k + 1) * good.size].toarray()[used]
+        covariance = columns @ fit.covariance @ columns.T + np.diag(case.reading_std[used] ** 2)
+        root = np.linalg.cholesky(covariance)
+        white = np.linalg.solve(root, (case.reading - readings[k])[used])
+        square, count = float(white @ white), int(used.sum())
+        on_cell = [n for n, (number, known) in enumerate(model.loads) if number == k and known.on_load_cell]
+        difference = std = float("nan")
+        if on_cell and count:
+            # The covariance has the size of the loads as known to its own error: the prior of the factor is in it.
+            along = np.linalg.solve(root, strain[on_cell].sum(axis=0)[used])
+            std = 1.0 / float(np.sqrt(along @ along))
+            difference = float(along @ white) * std**2
+        without_zero = (case.reading - errors.zero[model.groups.index(case.group)])[None]
+        rows.append(
+            CheckLoad(
+                case=case.name,
+                applied=float(sum(cell_force(model.loads[n][1].load) for n in on_cell)),
+                difference=difference,
+                std=std,
+                chi_square=square / max(count, 1),
+                chance=float(chdtrc(count, square)) if count else 1.0,
+                by_equations=np.array(
+                    [float(equation.value(without_zero)[0]) for equation in equations] or [np.nan] * 5
+                ),
+                loads=loads[k],
+            )
         )
-        for k in checks
-    ]
-
-
-def _check_load(
-    fit: Estimate,
-    case: int,
-    *,
-    use: np.ndarray,
-    residual: FloatArray,
-    jacobian: FloatArray,
-    strain: FloatArray,
-    equations: Sequence[LoadEquation],
-    loads: FloatArray,
-) -> CheckLoad:
-    model = fit.model
-    stated, columns = model.test.cases[case], jacobian[use]
-    covariance = columns @ fit.covariance @ columns.T + np.diag(stated.reading_std[use] ** 2)
-    root = np.linalg.cholesky(covariance)
-    white = np.linalg.solve(root, residual[use])
-    square, count = float(white @ white), int(use.sum())
-    on_cell = [n for n, (k, known) in enumerate(model.loads) if k == case and known.on_load_cell]
-    difference = std = float("nan")
-    if on_cell and count:
-        # The covariance has the size of the loads as known to its own error: the prior of the factor is in it.
-        along = np.linalg.solve(root, strain[on_cell].sum(axis=0)[use])
-        std = 1.0 / float(np.sqrt(along @ along))
-        difference = float(along @ white) * std**2
-    group = model.groups.index(stated.group)
-    without_zero = model.test.readings[case] - model.errors(fit.vector).zero[group]
-    return CheckLoad(
-        case=stated.name,
-        applied=float(sum(cell_force(model.loads[n][1].load) for n in on_cell)),
-        difference=difference,
-        std=std,
-        chi_square=square / max(count, 1),
-        chance=float(chdtrc(count, square)) if count else 1.0,
-        by_equations=np.array(
-            [float(equation.value(without_zero[None])[0]) for equation in equations] or [np.nan] * 5
-        ),
-        loads=loads,
-    )
+    return rows
 
 
 @dataclass(frozen=True, kw_only=True)

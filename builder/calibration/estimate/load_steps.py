@@ -20,7 +20,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from builder.calibration.ground_test.load_changes import cell_force
-from builder.calibration.ground_test.load_test import LoadCase, LoadTest
+from builder.calibration.ground_test.load_test import LoadCase, LoadStep, LoadTest
 from strainfmu.arrays import BoolArray, FloatArray
 
 FEWEST = 4
@@ -55,43 +55,38 @@ class SteppedCase:
         return np.asarray(np.ptp(self.reading, axis=0))
 
     @property
-    def hysteresis(self) -> FloatArray:
-        """(n, n_d) unloading less loading at the same part of the loads [m/m]; no rows where no part has both."""
-        return self._differences(self.reading)[0]
+    def same_load(self) -> list[tuple[int, int]]:
+        """Numbers of readings at the same part of the loads, on the way to them and back."""
+        pairs = list[tuple[int, int]]()
+        for k in np.flatnonzero(self.unloading & (self.part > 0.0)):
+            same = np.flatnonzero(~self.unloading & np.isclose(self.part, self.part[k], atol=1e-3))
+            pairs += [(int(same[-1]), int(k))] if len(same) else []
+        return pairs
 
     @property
-    def hysteresis_std(self) -> FloatArray:
-        """(n, n_d) of that, by noise [m/m]."""
-        return self._differences(self.reading)[1]
-
-    @property
-    def return_to_zero(self) -> FloatArray | None:
-        """(n_d,) the last reading without load less the first one [m/m]; None without both."""
-        ends = self._without_load
-        return None if ends is None else np.asarray(self.reading[ends[1]] - self.reading[ends[0]])
-
-    @property
-    def return_to_zero_std(self) -> FloatArray | None:
-        """(n_d,) of that, by noise [m/m]."""
-        ends = self._without_load
-        return None if ends is None else np.asarray(np.hypot(*self.reading_std[list(ends)]))
-
-    @property
-    def _without_load(self) -> tuple[int, int] | None:
-        """First and last reading without load, on both sides of the whole load; None without both."""
+    def without_load(self) -> list[tuple[int, int]]:
+        """Numbers of the first and last reading without load, on both sides of the whole load, where both are."""
         none = np.flatnonzero(self.part == 0.0)
         before, after = none[~self.unloading[none]], none[self.unloading[none]]
-        return (int(before[0]), int(after[-1])) if len(before) and len(after) else None
+        return [(int(before[0]), int(after[-1]))] if len(before) and len(after) else []
 
-    def _differences(self, reading: FloatArray) -> tuple[FloatArray, FloatArray]:
-        differences, std = [], []
-        for k in np.flatnonzero(self.unloading):
-            same = np.flatnonzero(~self.unloading & np.isclose(self.part, self.part[k], atol=1e-3))
-            if len(same) and self.part[k] > 0.0:
-                differences.append(reading[k] - reading[same[-1]])
-                std.append(np.hypot(self.reading_std[k], self.reading_std[same[-1]]))
-        shape = (0, reading.shape[1])
-        return np.array(differences).reshape(-1, *shape[1:]), np.array(std).reshape(-1, *shape[1:])
+    def change(self, pairs: Sequence[tuple[int, int]]) -> tuple[FloatArray, FloatArray]:
+        """Return (n, n_d) the second reading of each pair less the first, and its standard deviation by noise
+        [m/m]."""
+        first, second = np.array(pairs, dtype=np.intp).reshape(-1, 2).T
+        return self.reading[second] - self.reading[first], np.hypot(
+            self.reading_std[second], self.reading_std[first]
+        )
+
+    @property
+    def hysteresis(self) -> FloatArray:
+        """(n, n_d) unloading less loading at the same part of the loads [m/m]; no rows where no part has both."""
+        return self.change(self.same_load)[0]
+
+    @property
+    def return_to_zero(self) -> FloatArray:
+        """(n, n_d) the last reading without load less the first one [m/m], one row; none without both."""
+        return self.change(self.without_load)[0]
 
 
 def stepped_cases(test: LoadTest) -> list[SteppedCase]:
@@ -100,18 +95,15 @@ def stepped_cases(test: LoadTest) -> list[SteppedCase]:
 
 
 def _stepped(case: LoadCase) -> SteppedCase:
-    loading = [step for step in case.steps if not step.unloading]
-    unloading = [step for step in case.steps if step.unloading]
+    own = LoadStep(part=1.0, unloading=False, reading=case.reading, reading_std=case.reading_std)
+    readings = [*(step for step in case.steps if not step.unloading), own]
+    readings += [step for step in case.steps if step.unloading]
     return SteppedCase(
         name=case.name,
-        part=np.array([*(step.part for step in loading), 1.0, *(step.part for step in unloading)]),
-        unloading=np.array([False] * (len(loading) + 1) + [True] * len(unloading)),
-        reading=np.array(
-            [*(step.reading for step in loading), case.reading, *(step.reading for step in unloading)]
-        ),
-        reading_std=np.array(
-            [*(step.reading_std for step in loading), case.reading_std, *(step.reading_std for step in unloading)]
-        ),
+        part=np.array([step.part for step in readings]),
+        unloading=np.array([step.unloading for step in readings]),
+        reading=np.array([step.reading for step in readings]),
+        reading_std=np.array([step.reading_std for step in readings]),
     )
 
 
@@ -188,30 +180,22 @@ def _parts_of(case: SteppedCase) -> list[tuple[float, float, float]]:
 def step_remarks(test: LoadTest) -> tuple[str, ...]:
     """Return a line where readings do not repeat as exactly as they are stated."""
     cases = stepped_cases(test)
-    lines = list[str]()
-    zero = [
-        (case.name, case.return_to_zero, case.return_to_zero_std)
-        for case in cases
-        if case.return_to_zero is not None and case.return_to_zero_std is not None
-    ]
-    lines += _remark("do not return to zero", zero)
-    pairs = [
-        (case.name, value, std)
-        for case in cases
-        for value, std in zip(case.hysteresis, case.hysteresis_std, strict=True)
-    ]
-    return (*lines, *_remark("differ between loading and unloading", pairs))
+    return (
+        *_remark("do not return to zero", [(case, case.without_load) for case in cases]),
+        *_remark("differ between loading and unloading", [(case, case.same_load) for case in cases]),
+    )
 
 
-def _remark(what: str, rows: Sequence[tuple[str, FloatArray, FloatArray]]) -> list[str]:
-    if not rows:
+def _remark(what: str, pairs: Sequence[tuple[SteppedCase, list[tuple[int, int]]]]) -> list[str]:
+    changes = [(case.name, *row) for case, of_case in pairs for row in zip(*case.change(of_case), strict=True)]
+    if not changes:
         return []
-    value, std = np.array([row[1] for row in rows]), np.array([row[2] for row in rows])
+    value, std = np.array([row[1] for row in changes]), np.array([row[2] for row in changes])
     rms, noise = (float(np.sqrt(np.nanmean(values**2))) for values in (value, std))
     if not rms > BEYOND * noise:
         return []
     worst = int(np.nanargmax(np.sqrt(np.nanmean(value**2, axis=1))))
     return [
         f"readings {what}: {1e6 * rms:.2g} um/m rms, {rms / noise:.1f} times their noise, most in case "
-        f"'{rows[worst][0]}'; expected readings.reading_std_um_per_m of about {1e6 * rms / np.sqrt(2.0):.2g}"
+        f"'{changes[worst][0]}'; expected readings.reading_std_um_per_m of about {1e6 * rms / np.sqrt(2.0):.2g}"
     ]

@@ -19,9 +19,9 @@ section 6.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import brentq
@@ -29,7 +29,7 @@ from scipy.special import chdtrc, polygamma, psi
 
 from builder.calibration.ground_test.channel_faults import channel_faults, resolution
 from builder.calibration.ground_test.load_test import LoadCase, LoadStep, LoadTest
-from builder.calibration.ground_test.load_test_file import CaseEntry, LoadTestFile
+from builder.calibration.ground_test.load_test_file import CaseEntry, LoadTestFile, StepEntry
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import FaultsError, InputError
 from strainfmu.recorded.names import Wanted
@@ -104,28 +104,6 @@ SETTLED = 6.0
 """Difference between both halves of a window, in its standard deviations, above which the load still moved."""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Readings:
-    """Readings of all cases.
-
-    Attributes
-    ----------
-    mean : (n_cases, n_d) [m/m], NaN where no sample of a window has a value.
-    std : (n_cases, n_d) of the mean [m/m].
-    samples : (n_cases, n_d) number of samples.
-    steps : of each case.
-    notes : lines for the user.
-    left_out : the notes on channels that stand still, whose readings are left out.
-    """
-
-    mean: FloatArray
-    std: FloatArray
-    samples: FloatArray
-    steps: tuple[tuple[LoadStep, ...], ...]
-    notes: tuple[str, ...]
-    left_out: tuple[str, ...] = ()
-
-
 def read_load_test(file: LoadTestFile, gauge_names: tuple[str, ...]) -> tuple[LoadTest, tuple[str, ...]]:
     """Return the test with the readings of its recordings, and lines for the user.
 
@@ -143,108 +121,76 @@ def read_load_test(file: LoadTestFile, gauge_names: tuple[str, ...]) -> tuple[Lo
         raise InputError(f"{file.path}: case: expected a load in one case or more, got baselines alone")
     if all(case.check for case in file.case):
         raise InputError(f"{file.path}: case: expected one without check or more, got check loads alone")
-    readings, errors = read_windows(file, gauge_names), file.errors.errors()
+    unknown = [change.gauge for change in file.changed if change.gauge not in gauge_names]
+    if unknown:
+        raise InputError(f"{file.path}: changed: expected gauges of the map, got '{unknown[0]}'")
+    places, errors = _places(file), file.errors.errors()
+    mean, std, left_out, notes = _read(file, places, gauge_names)
     cases = tuple(
         LoadCase(
             name=case.name,
             loads=case.known_loads(errors),
-            reading=readings.mean[k],
-            reading_std=readings.std[k],
+            reading=mean[k],
+            reading_std=std[k],
             temperature=case.temperature_K,
             group=case.zeros,
             check=case.check,
-            steps=readings.steps[k],
+            steps=_steps_of(case, [n for n in range(len(places)) if places[n].case == k], places, mean, std),
         )
         for k, case in enumerate(file.case)
     )
-    scales = {cell.name: cell.full_scale_N for cell in file.load_cell if cell.full_scale_N is not None}
-    unknown = [change.gauge for change in file.changed if change.gauge not in gauge_names]
-    if unknown:
-        raise InputError(f"{file.path}: changed: expected gauges of the map, got '{unknown[0]}'")
     test = LoadTest(
         gauge_names=gauge_names,
         cases=cases,
         errors=errors,
-        left_out=readings.left_out,
-        full_scale=scales,
+        left_out=left_out,
+        full_scale={cell.name: cell.full_scale_N for cell in file.load_cell if cell.full_scale_N is not None},
         changed={change.gauge: change.change for change in file.changed},
     )
-    return test, readings.notes
+    return test, notes
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Place:
+class _Place(NamedTuple):
     """Where a reading stands in its recording.
 
     Attributes
     ----------
-    entry : of the file, such as ``case.2`` or ``case.2.step.1``.
+    where : its entry in the file, such as ``case.2`` or ``case.2.step.1``.
     name : of its case, in words.
     case : number of that, from 0.
-    part : of its loads [1].
-    window, row : as of the entry.
+    entry : of the case or of the step.
     source : recording, and its channels file.
     """
 
-    entry: str
+    where: str
     name: str
     case: int
-    part: float
-    window: list[float] | None
-    row: int | None
+    entry: CaseEntry | StepEntry
     source: Source
-
-    @property
-    def start(self) -> float:
-        """Time or row, to order readings of one case by."""
-        return float(self.row or 0) if self.window is None else self.window[0]
 
 
 def _places(file: LoadTestFile) -> list[_Place]:
     """Return the places of all cases, then of all steps."""
-    cases, steps = [], []
-    for number, case in enumerate(file.case, start=1):
-        source = _source(file, case, number)
-        entry, name = f"case.{number}", f"'{case.name}'"
-        cases.append(
-            _Place(
-                entry=entry,
-                name=name,
-                case=number - 1,
-                part=1.0,
-                window=case.window_s,
-                row=case.row,
-                source=source,
-            )
-        )
-        steps += [
-            _Place(
-                entry=f"{entry}.step.{k}",
-                name=f"{name}, {step.load_percent:g} %",
-                case=number - 1,
-                part=0.01 * step.load_percent,
-                window=step.window_s,
-                row=step.row,
-                source=source,
-            )
-            for k, step in enumerate(case.step, start=1)
-        ]
+    cases, steps = list[_Place](), list[_Place]()
+    for number, case in enumerate(file.case):
+        where, name, source = f"case.{number + 1}", f"'{case.name}'", _source(file, case, number + 1)
+        cases.append(_Place(where, name, number, case, source))
+        for k, step in enumerate(case.step, start=1):
+            part = f"{name}, {step.load_percent:g} %"
+            steps.append(_Place(f"{where}.step.{k}", part, number, step, source))
     return cases + steps
 
 
-def read_windows(file: LoadTestFile, gauge_names: tuple[str, ...]) -> Readings:
-    """Return mean and standard deviation of every gauge in the window of every case.
+def _read(
+    file: LoadTestFile, places: Sequence[_Place], gauge_names: tuple[str, ...]
+) -> tuple[FloatArray, FloatArray, tuple[str, ...], tuple[str, ...]]:
+    """Return mean and standard deviation (n_places, n_d) of every gauge in every window [m/m], NaN where no sample
+    has a value, and lines: on channels that stand still, whose readings are left out, and all of them.
 
     Each gauge has the scatter of its own samples in each window, as exact as their number makes it;
-    white noise is assumed. Channels that stand still
-    (:mod:`~builder.calibration.ground_test.channel_faults`) have no reading there, and are named.
-
-    Raises
-    ------
-    InputError
-        As :func:`read_load_test`.
+    white noise is assumed.
     """
-    places, notes = _places(file), list[str]()
+    notes = list[str]()
     _refuse_without_time(file, places)
     recordings: Recordings = {}
     for place in places:
@@ -272,31 +218,26 @@ def read_windows(file: LoadTestFile, gauge_names: tuple[str, ...]) -> Readings:
     alone = np.hypot(scatter, _rounding(places, recordings))
     of_mean = np.where(repeats, alone, scatter / np.sqrt(np.maximum(count, 1.0)))
     std = np.hypot(of_mean, floor)
-    mean, n_c = np.where(has_any, mean, np.nan), len(file.case)
     _check_std(places, file, gauge_names, std, has_any)
-    notes += [*left_out, *_missing(file, gauge_names, recorded[:n_c])]
+    notes += [*left_out, *_missing(file, gauge_names, recorded[: len(file.case)])]
     notes += _unsettled(file, places, windows, std=np.hypot(scatter, floor))
-    return Readings(
-        mean=mean[:n_c],
-        std=std[:n_c],
-        samples=count[:n_c],
-        steps=tuple(_steps_of(k, places, mean, std) for k in range(n_c)),
-        notes=tuple(notes),
-        left_out=left_out,
-    )
+    return np.where(has_any, mean, np.nan), std, left_out, tuple(notes)
 
 
-def _steps_of(case: int, places: Sequence[_Place], mean: FloatArray, std: FloatArray) -> tuple[LoadStep, ...]:
-    """Return the steps of a case in the order of time."""
-    of_case = [(place.start, k) for k, place in enumerate(places) if place.case == case and k != case]
+def _steps_of(
+    case: CaseEntry, numbers: Sequence[int], places: Sequence[_Place], mean: FloatArray, std: FloatArray
+) -> tuple[LoadStep, ...]:
+    """Return the steps of a case in the order of time; ``numbers`` are of its readings, its own first."""
+    ordered = sorted(numbers[1:], key=lambda n: (places[n].entry.start, n))
     return tuple(
         LoadStep(
-            part=places[k].part,
-            unloading=start > places[case].start,
-            reading=mean[k],
-            reading_std=std[k],
+            part=0.01 * step.load_percent,
+            unloading=step.start > case.start,
+            reading=mean[n],
+            reading_std=std[n],
         )
-        for start, k in sorted(of_case)
+        for n in ordered
+        if isinstance(step := places[n].entry, StepEntry)
     )
 
 
@@ -327,7 +268,7 @@ def _without_faults(
 def _named(places: Sequence[_Place]) -> str:
     """Return the cases of readings in words, with the number of their steps."""
     names = list(dict.fromkeys(place.case for place in places))
-    steps = sum("step" in place.entry for place in places)
+    steps = sum(isinstance(place.entry, StepEntry) for place in places)
     text = f"{len(names)} cases: " if len(names) > 1 else "case "
     text += ", ".join(next(place.name for place in places if place.case == case) for case in names)
     has_both = steps and len(places) > steps
@@ -351,9 +292,9 @@ def _rounding(places: Sequence[_Place], recordings: Recordings) -> FloatArray:
 def _refuse_without_time(file: LoadTestFile, places: Sequence[_Place]) -> None:
     """Refuse readings of which the file does not state when they were recorded: a line each."""
     missing = [
-        f"{file.path}: {place.entry}.window_s: {place.name}: entry is missing, expected it or row"
+        f"{file.path}: {place.where}.window_s: {place.name}: entry is missing, expected it or row"
         for place in places
-        if place.row is None and place.window is None
+        if place.entry.row is None and place.entry.window_s is None
     ]
     if missing:
         raise FaultsError("\n".join(missing))
@@ -361,19 +302,22 @@ def _refuse_without_time(file: LoadTestFile, places: Sequence[_Place]) -> None:
 
 def _refuse_overlaps(file: LoadTestFile, places: Sequence[_Place]) -> None:
     """Refuse readings that are of the same samples of a recording."""
-    ordered = sorted(places, key=lambda place: (str(place.source[0]), place.window is None, place.start))
+    ordered = sorted(
+        places, key=lambda place: (str(place.source[0]), place.entry.window_s is None, place.entry.start)
+    )
     for first, second in pairwise(ordered):
         if second.source[0] != first.source[0]:
             continue
-        if second.row is not None and second.row == first.row:
+        (row, window), (last_row, last_window) = ((p.entry.row, p.entry.window_s) for p in (second, first))
+        if row is not None and row == last_row:
             raise InputError(
-                f"{file.path}: {second.entry}.row: {second.name}: expected another row than {first.entry} "
-                f"{first.name}, got {second.row} as well"
+                f"{file.path}: {second.where}.row: {second.name}: expected another row than {first.where} "
+                f"{first.name}, got {row} as well"
             )
-        if second.window is not None and first.window is not None and second.window[0] < first.window[1]:
+        if window is not None and last_window is not None and window[0] < last_window[1]:
             raise InputError(
-                f"{file.path}: {second.entry}.window_s: {second.name}: expected a window apart from {first.entry} "
-                f"{first.name}, {first.window} s, got {second.window}, which overlaps"
+                f"{file.path}: {second.where}.window_s: {second.name}: expected a window apart from {first.where} "
+                f"{first.name}, {last_window} s, got {window}, which overlaps"
             )
 
 
@@ -400,22 +344,22 @@ def _samples(
 
 def _window(file: LoadTestFile, place: _Place, time: FloatArray, strain: FloatArray) -> FloatArray:
     """Return the samples (n, n_d) of a reading."""
-    where = f"{file.path}: {place.entry}"
-    if place.row is not None:
-        if place.row > len(time):
+    where, row, window = f"{file.path}: {place.where}", place.entry.row, place.entry.window_s
+    if row is not None:
+        if row > len(time):
             raise InputError(
-                f"{where}.row: {place.name}: expected at most {len(time)}, the recording's rows, got {place.row}"
+                f"{where}.row: {place.name}: expected at most {len(time)}, the recording's rows, got {row}"
             )
-        return strain[place.row - 1 : place.row]
-    assert place.window is not None, "as _refuse_without_time found"
-    first, last = place.window
+        return strain[row - 1 : row]
+    assert window is not None, "as _refuse_without_time found"
+    first, last = window
     within = (time >= first) & (time <= last)
     # Windows may end where the next sample would be.
     step = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
     if first < time[0] - step or last > time[-1] + step or not within.any():
         raise InputError(
             f"{where}.window_s: {place.name}: expected times of the recording, {time[0]:g} to {time[-1]:g} s, "
-            f"got {place.window}"
+            f"got {window}"
         )
     return strain[within]
 

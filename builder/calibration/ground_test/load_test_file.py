@@ -23,11 +23,6 @@ def _rising(value: list[float]) -> list[float]:
     return value
 
 
-def _refuse_both(window: list[float] | None, row: int | None) -> None:
-    if window is not None and row is not None:
-        raise ValueError("expected window_s or row, got both")
-
-
 CaseName = Annotated[str, Field(min_length=1, max_length=200), AfterValidator(one_line)]
 Percent = Annotated[float, Field(ge=0.0, le=100.0)]
 
@@ -79,7 +74,25 @@ class ReadingEntries(Section):
 Window = Annotated[list[float], Field(min_length=2, max_length=2), AfterValidator(_rising)]
 
 
-class StepEntry(Section):
+class RecordedEntry(Section):
+    """When a reading was recorded: the window from which it is the mean, or one row of the recording."""
+
+    window_s: Window | None = None
+    row: int | None = Field(default=None, ge=1, le=10**9)
+
+    @model_validator(mode="after")
+    def _one_place(self) -> RecordedEntry:
+        if self.window_s is not None and self.row is not None:
+            raise ValueError("expected window_s or row, got both")
+        return self
+
+    @property
+    def start(self) -> float:
+        """Time or row, to order readings of one case by."""
+        return float(self.row or 0) if self.window_s is None else self.window_s[0]
+
+
+class StepEntry(RecordedEntry):
     """A reading on the way to the loads of a case, or back: ``load_percent`` of each load that a load cell reads.
 
     Steps after the case's own window are unloading, 0 % is the return to zero. They show the curve of the load
@@ -87,16 +100,9 @@ class StepEntry(Section):
     """
 
     load_percent: float = Field(ge=0.0, le=200.0)
-    window_s: Window | None = None
-    row: int | None = Field(default=None, ge=1, le=10**9)
-
-    @model_validator(mode="after")
-    def _one_place(self) -> StepEntry:
-        _refuse_both(self.window_s, self.row)
-        return self
 
 
-class CaseEntry(Section):
+class CaseEntry(RecordedEntry):
     """A load case: what acts, and when it was recorded: from ``window_s``, or one ``row`` of the recording.
 
     A case with ``check`` is predicted and not fitted. Cases of one ``zeros`` were read with the same zeros; a
@@ -107,18 +113,11 @@ class CaseEntry(Section):
     name: CaseName
     recording: FileName | None = None
     channels: FileName | None = None
-    window_s: Window | None = None
-    row: int | None = Field(default=None, ge=1, le=10**9)
     check: bool = False
     zeros: CaseName = "1"
     temperature_K: float = Field(default=0.0, ge=-300.0, le=1000.0)
     load: list[AnyLoadEntry] = Field(default=[], max_length=200)
     step: list[StepEntry] = Field(default=[], max_length=200)
-
-    @model_validator(mode="after")
-    def _one_place(self) -> CaseEntry:
-        _refuse_both(self.window_s, self.row)
-        return self
 
     def known_loads(self, errors: LoadErrors) -> tuple[KnownLoad, ...]:
         """Return the loads in SI units."""

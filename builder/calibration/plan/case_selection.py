@@ -74,14 +74,6 @@ class FlightSensitivity:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class ChosenCase:
-    """A case of the sequence: its number among the candidates, and the sigmas (5,) that it leaves [1]."""
-
-    number: int
-    sigmas: FloatArray
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
 class Knowledge:
     """What is known of the parameters so far.
 
@@ -101,21 +93,23 @@ class Knowledge:
         covariance = self.covariance - cross @ cho_solve(factor, cross.T)
         return Knowledge(flight=self.flight, covariance=0.5 * (covariance + covariance.T))
 
+    @cached_property
     def error_covariance(self) -> FloatArray:
-        """Return the covariance (n_d, n_d) of strain that the parameters leave, averaged over the flights."""
-        return self._error_covariance
+        """(n_d, n_d) covariance of strain that the parameters leave, averaged over the flights."""
+        return np.mean([slope @ (slope @ self.covariance).T for slope in self.flight.jacobian], axis=0)
 
-    def error_covariance_after(self, case: CaseSensitivity) -> FloatArray:
-        """Return the same when a case has been applied."""
+    @property
+    def sigmas(self) -> FloatArray:
+        """(5,) of the coefficients in flight [1]."""
+        return self.flight.sigmas(self.error_covariance)
+
+    def sigmas_after(self, case: CaseSensitivity) -> FloatArray:
+        """Return :attr:`sigmas` when a case has been applied."""
         cross = case.jacobian @ self.covariance
         root = np.linalg.cholesky(case.jacobian @ cross.T + case.noise_covariance)
         known = solve_triangular(root, cross, lower=True).T
         determined = [slope @ known for slope in self.flight.jacobian]
-        return self.error_covariance() - np.mean([part @ part.T for part in determined], axis=0)
-
-    @cached_property
-    def _error_covariance(self) -> FloatArray:
-        return np.mean([slope @ (slope @ self.covariance).T for slope in self.flight.jacobian], axis=0)
+        return self.flight.sigmas(self.error_covariance - np.mean([part @ part.T for part in determined], axis=0))
 
 
 def no_knowledge(flight: FlightSensitivity) -> Knowledge:
@@ -125,32 +119,26 @@ def no_knowledge(flight: FlightSensitivity) -> Knowledge:
 
 def select_cases(
     start: Knowledge, candidates: Sequence[CaseSensitivity], count: int, progress: Progress | None = None
-) -> list[ChosenCase]:
-    """Return ``count`` cases, each the best next one: that with the smallest product of the five sigmas.
+) -> list[tuple[int, Knowledge]]:
+    """Return ``count`` cases by their numbers, each the best next one, and what is known after each.
 
-    A candidate may be chosen again, which averages its noise. Worths are taken to fall from case to case: a
-    candidate whose last known worth is below one that is already up to date is not worked out (lazy greedy;
-    Minoux, 1978).
+    The best one leaves the smallest product of the five sigmas. A candidate may be chosen again, which averages
+    its noise. Worths are taken to fall from case to case: a candidate whose last known worth is below one that is
+    already up to date is not worked out (lazy greedy; Minoux, 1978).
     """
-    known, chosen = start, list[ChosenCase]()
+    known, chosen = start, list[tuple[int, Knowledge]]()
     worth = np.full(len(candidates), np.inf)
     for done in range(count):
-        level, fresh = (
-            _log_product(known.flight.sigmas(known.error_covariance())),
-            np.zeros(len(worth), dtype=bool),
-        )
-        while True:
-            best = int(np.argmax(worth))
-            if fresh[best]:
-                break
-            sigmas = known.flight.sigmas(known.error_covariance_after(candidates[best]))
-            worth[best], fresh[best] = level - _log_product(sigmas), True
+        level, fresh = log_product(known.sigmas), np.zeros(len(worth), dtype=bool)
+        while not fresh[best := int(np.argmax(worth))]:
+            worth[best], fresh[best] = level - log_product(known.sigmas_after(candidates[best])), True
         known = known.after(candidates[best])
-        chosen.append(ChosenCase(number=best, sigmas=known.flight.sigmas(known.error_covariance())))
+        chosen.append((best, known))
         if progress is not None:
             progress(done + 1, count)
     return chosen
 
 
-def _log_product(sigmas: FloatArray) -> float:
+def log_product(sigmas: FloatArray) -> float:
+    """Return the logarithm of the product of the five sigmas."""
     return float(np.sum(np.log(sigmas)))

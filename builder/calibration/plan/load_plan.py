@@ -140,20 +140,18 @@ def load_plan(
     if attitudes:
         bare = [acting_together(case, first[0], slices(as_built.counts)[ZERO]) for case in bare]
     chosen = select_cases(known, bare, count, progress)
-    order, sigmas, end = [choice.number for choice in chosen], [choice.sigmas for choice in chosen], known
-    for number in order:
-        end = end.after(bare[number])
+    order, steps = [number for number, _ in chosen], [known, *(knowledge for _, knowledge in chosen)]
     for number in order[:repeats]:
-        end = end.after(bare[number])
-        sigmas.append(flight.sigmas(end.error_covariance()))
+        steps.append(steps[-1].after(bare[number]))
+    end = steps[-1]
     prior = as_built.prior(vehicle.calibration)
     after = np.sqrt(np.diag(end.covariance)[:-1]) * prior.vector
     return LoadPlan(
         attitudes=tuple(attitudes),
         cases=_numbered([cases[k] for k in [*order, *order[:repeats]]]),
-        sigmas=np.array(sigmas),
-        before=flight.sigmas(start.error_covariance()),
-        after_attitudes=flight.sigmas(known.error_covariance()),
+        sigmas=np.array([step.sigmas for step in steps[1:]]),
+        before=start.sigmas,
+        after_attitudes=known.sigmas,
         exact=flight.sigmas(np.zeros_like(flight.noise_covariance)),
         candidates=len(cases),
         repeats=min(repeats, len(order)),
@@ -168,9 +166,8 @@ def _next_best(known: Knowledge, cases: Sequence[CaseSensitivity], chosen: Seque
     """Return ``count`` distinct cases other than ``chosen``, each the best next one, or as many as there are."""
     order, remaining = list[int](), [k for k in range(len(cases)) if k not in chosen]
     while remaining and len(order) < count:
-        (best,) = select_cases(known, [cases[k] for k in remaining], 1)
-        order.append(remaining.pop(best.number))
-        known = known.after(cases[order[-1]])
+        ((best, known),) = select_cases(known, [cases[k] for k in remaining], 1)
+        order.append(remaining.pop(best))
     return order
 
 

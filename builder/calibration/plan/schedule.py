@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from builder.calibration.ground_test.candidate_cases import PlannedCase
 from builder.calibration.ground_test.load_changes import cell_force
 from builder.calibration.plan.load_plan import LoadPlan
@@ -27,23 +25,15 @@ class Schedule:
     setup_time: float = 900.0
     reading_time: float = 60.0
 
-    @property
-    def loading(self) -> tuple[float, ...]:
-        """Parts of the load ahead of the whole load, from none [1]."""
-        return tuple(round(k / self.steps, 4) for k in range(self.steps))
-
-    @property
-    def unloading(self) -> tuple[float, ...]:
-        """Parts of the load after the whole load, back to none [1]."""
-        return self.loading[::-1]
-
-    def parts(self, case: PlannedCase) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Return the parts of a case before and after its whole load; none where no load can be changed."""
-        return (self.loading, self.unloading) if changes(case) else ((), ())
+    def steps_of(self, case: PlannedCase) -> list[tuple[float, bool]]:
+        """Return part of the load [1] of each step, and whether it is taken off; none where no load can be
+        changed."""
+        loading = [round(k / self.steps, 4) for k in range(self.steps)] if changes(case) else []
+        return [*((part, False) for part in loading), *((part, True) for part in loading[::-1])]
 
     def time_of(self, case: PlannedCase) -> float:
         """Return the time of a case [s]."""
-        return self.setup_time + self.reading_time * (1 + sum(map(len, self.parts(case))))
+        return self.setup_time + self.reading_time * (1 + len(self.steps_of(case)))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,32 +63,28 @@ def run_order(plan: LoadPlan) -> list[RunCase]:
     The zero readings are of the vehicle as it lies under the loads; names are unique.
     """
     lead = plan.attitudes or (PlannedCase(name="no load", loads=()),)
-    first, loads = len(plan.cases) - plan.repeats, list[RunCase]()
-    for number, case in enumerate(plan.cases):
-        loads.append(RunCase(case=case, kind="load" if number < first else "repeat", number=number))
-    for case in plan.checks:
-        loads.append(RunCase(case=PlannedCase(name=f"check, {case.name}", loads=case.loads), kind="check"))
+    first = len(plan.cases) - plan.repeats
+    loads = [
+        RunCase(case=case, kind="load" if number < first else "repeat", number=number)
+        for number, case in enumerate(plan.cases)
+    ]
+    loads += [
+        RunCase(case=PlannedCase(name=f"check, {case.name}", loads=case.loads), kind="check")
+        for case in plan.checks
+    ]
     middle = (len(loads) + 1) // 2
     again = [
         RunCase(case=PlannedCase(name=f"{lead[0].name}, {when}", loads=lead[0].loads), kind="zero reading")
-        for when in ZERO
+        for when in ("between", "at the end")
     ]
     # Turned to all attitudes first, and back to the one of the loads.
     order = [RunCase(case=case, kind="attitude") for case in lead]
     return [*order, *loads[:middle], again[0], *loads[middle:], again[1]]
 
 
-ZERO = ("between", "at the end")
-"""When the zero is read again, for names of cases."""
-
-
 def whole_time(plan: LoadPlan, schedule: Schedule) -> float:
     """Return the time of all cases [s]; zero readings need no set-up."""
-    return float(
-        np.sum(
-            [
-                schedule.reading_time if run.kind == "zero reading" else schedule.time_of(run.case)
-                for run in run_order(plan)
-            ]
-        )
+    return sum(
+        schedule.reading_time if run.kind == "zero reading" else schedule.time_of(run.case)
+        for run in run_order(plan)
     )

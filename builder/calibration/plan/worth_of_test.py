@@ -16,7 +16,7 @@ from builder.calibration.ground_test.candidate_cases import (
     candidate_cases,
 )
 from builder.calibration.ground_test.load_changes import cell_force
-from builder.calibration.plan.case_selection import Knowledge, no_knowledge
+from builder.calibration.plan.case_selection import Knowledge, log_product, no_knowledge
 from builder.calibration.plan.load_plan import (
     PlanParts,
     case_sensitivities,
@@ -78,15 +78,15 @@ def worth_of_test(parts: PlanParts, fit: Estimate) -> WorthOfTest:
     cases = further_cases(parts, fit)
     noise_std = np.median(fit.model.test.reading_stds, axis=0)
     sensitivities = case_sensitivities(parts, cases, fit.model.test.errors, noise_std)
-    sigmas = [flight.sigmas(after.error_covariance_after(slope)) for slope in sensitivities]
-    best = int(np.argmin([float(np.sum(np.log(sigma))) for sigma in sigmas]))
+    sigmas = [after.sigmas_after(case) for case in sensitivities]
+    best = int(np.argmin([log_product(sigma) for sigma in sigmas]))
     ensemble = ensemble_of(parts.vehicle, on_structure(parts.snapshots, parts.structure))
     station = parts.vehicle.reference.moment_station_m
     strain = ensemble.responses(parts.as_built.strain_operator(fit.parameters))
     ground, rows = _ground_strains(fit), fit.used.any(axis=1)
     return WorthOfTest(
-        before=flight.sigmas(no_knowledge(flight).error_covariance()),
-        after=flight.sigmas(after.error_covariance()),
+        before=no_knowledge(flight).sigmas,
+        after=after.sigmas,
         exact=flight.sigmas(np.zeros_like(flight.noise_covariance)),
         further=cases[best].name,
         with_further=sigmas[best],

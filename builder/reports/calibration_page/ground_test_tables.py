@@ -278,7 +278,7 @@ def steps_table(cases: Sequence[SteppedCase], names: Sequence[str]) -> Table:
             row += [1e6 * _root_mean_square(hysteresis), 1e6 * most, 100.0 * most / span, names[worst]]
         else:
             row += [None, None, None, ""]
-        row.append(None if zero is None else 1e6 * _root_mean_square(zero))
+        row.append(1e6 * _root_mean_square(zero) if len(zero) else None)
         rows.append(row)
     columns = (
         Column("load case"),
