@@ -20,8 +20,9 @@ from builder.calibration.after_test.calibrated_map import (
 from builder.calibration.after_test.flown_after_test import allowed_flights
 from builder.calibration.after_test.left_by_test import Remaining
 from builder.calibration.as_built.structure_of_test import prior_of_test, structure_of_test
+from builder.calibration.estimate.case_faults import Fault
 from builder.calibration.estimate.estimated_vehicle import Estimate
-from builder.calibration.estimate.ground_test_faults import Fault, calibrate_with_faults
+from builder.calibration.estimate.ground_test_faults import calibrate_with_faults
 from builder.calibration.estimate.load_steps import step_remarks
 from builder.calibration.estimate.outside_terms import OutsideModel, outside_model
 from builder.calibration.estimate.readings_model import ReadingsModel

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from drawn_tests import applied_by, blank_test, drawn_readings
 
+from builder.calibration.estimate.case_faults import Fault
 from builder.calibration.estimate.estimated_vehicle import usable
-from builder.calibration.estimate.ground_test_faults import Fault, calibrate_with_faults, named_faults, too_many
+from builder.calibration.estimate.ground_test_faults import calibrate_with_faults, named_faults, too_many
 from builder.calibration.estimate.outside_terms import outside_model
 from builder.calibration.estimate.readings_model import ReadingsModel
 from builder.calibration.estimate.remarks import unexplained

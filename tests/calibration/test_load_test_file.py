@@ -97,7 +97,7 @@ def test_file_gives_loads_and_how_exactly_they_are_known(tmp_path: Path) -> None
 def test_standard_deviation_is_that_of_a_mean(tmp_path: Path) -> None:
     """Windows that are alike: their pooled scatter over the root of the number of samples, and the stated one."""
     strain = two_steps(tmp_path)
-    found, said = read_load_test(read_test_file(written(tmp_path)), GAUGES)
+    found, _ = read_load_test(read_test_file(written(tmp_path)), GAUGES)
     pooled = np.sqrt(0.5 * (strain[:20].var(axis=0, ddof=1) + strain[20:].var(axis=0, ddof=1)))
     np.testing.assert_allclose(found.reading_stds, np.tile(pooled / np.sqrt(20), (2, 1)), rtol=1e-9)
     drifting = FILE.replace("[errors]", "reading_std_um_per_m = 0.3\n[errors]")

@@ -58,6 +58,8 @@ FACTORS = {
 }
 """Causes that multiply a load, by the factor."""
 
+NO_CAUSE = "its readings fit no cause that is known"
+
 NEAR_UNIT = 0.1
 """Part of a unit's factor by which the factor of a load may differ from it to be said to be near."""
 
@@ -66,21 +68,21 @@ TURNS = {90.0: "turned by 90 deg", 180.0: "turned by 180 deg", 270.0: "turned by
 
 
 @dataclass(frozen=True, kw_only=True)
-class CaseFault:
-    """A load case whose readings do not fit, by its number.
+class Fault:
+    """A gauge or a load case that does not fit.
 
     Attributes
     ----------
-    case : number of the load case.
-    kind : "unit", "sign", "no load", "duplicate", "interchanged", "mislabelled", "attitude", "balance", "mass" or
-        "load".
-    text : what is wrong, for the user.
+    where : name of the gauge or of the load case.
+    kind : of gauges "swapped", "sign", "unit", "dead", "gain" or "gauge"; of cases "unit", "sign", "no load",
+        "duplicate", "interchanged", "mislabelled", "attitude", "balance", "mass" or "load".
+    line : one sentence for the user.
     factor : that makes a case of kind "load" fit; NaN of others, and where none does.
     """
 
-    case: int
+    where: str
     kind: str
-    text: str
+    line: str
     factor: float = float("nan")
 
 
@@ -100,7 +102,7 @@ class _Cause:
     size: Callable[[float], str] = lambda size: ""
 
 
-def case_faults(model: ReadingsModel, used: BoolArray) -> list[CaseFault]:
+def case_faults(model: ReadingsModel, used: BoolArray) -> list[Fault]:
     """Return the cases whose readings no vehicle has under the loads as stated; none where too many are wrong.
 
     ``used`` (n_cases, n_d) are the readings to judge by.
@@ -110,7 +112,7 @@ def case_faults(model: ReadingsModel, used: BoolArray) -> list[CaseFault]:
     return [screen.named(case, wrong) for case in sorted(wrong)]
 
 
-def case_fault_after(fit: Estimate, case: int) -> CaseFault:
+def case_fault_after(fit: Estimate, case: int) -> Fault:
     """Return what is wrong with a case by the vehicle that the other cases of an estimate show."""
     return _Screen(fit.model, fit.used).named(case, {case})
 
@@ -164,19 +166,19 @@ class _Screen:
         rows = scaled_columns(self.rows[np.flatnonzero(some)], np.ones(self.rows.shape[1]), weight)
         return GaussianModel(rows, weight * (self.reading - self.predicted)[some], self.model.gauge_of)
 
-    def named(self, case: int, wrong: set[int]) -> CaseFault:
+    def named(self, case: int, wrong: set[int]) -> Fault:
         """Return what is wrong with a case, by the vehicle that the cases other than ``wrong`` show."""
         sound = self._linear([k for k in range(len(self.used)) if k not in wrong and self.used[k].any()])
-        mean = sound.mean
+        mean, name = sound.mean, self.model.test.cases[case].name
         best, most, text = None, -np.inf, ""
         for cause in self._causes(case, wrong):
             chance, likelihood, size = self._fit(case, cause, sound)
             if chance > FITS and likelihood > most:
                 best, most, text = cause, likelihood, cause.text + cause.size(size)
         if best is not None and best.kind != "load":
-            return CaseFault(case=case, kind=best.kind, text=text)
+            return Fault(where=name, kind=best.kind, line=f"load case '{name}': {text}")
         text, factor = self._by_a_factor(case, mean)
-        return CaseFault(case=case, kind="load", text=text, factor=factor)
+        return Fault(where=name, kind="load", line=f"load case '{name}': {text}", factor=factor)
 
     def _fit(self, case: int, cause: _Cause, sound: GaussianModel) -> tuple[float, float, float]:
         """Return the probability of readings as far from a cause's, the logarithm of their density, its size.
@@ -320,7 +322,7 @@ class _Screen:
         factor = float(load @ residual) / max(float(load @ load), 1e-300)
         rest = float(np.linalg.norm(residual - factor * load) / max(float(np.linalg.norm(residual)), 1e-300))
         if rest > 0.5:
-            return "its readings fit no cause that is known", float("nan")
+            return NO_CAUSE, float("nan")
         text = f"loads differ by {factor - 1.0:+.1%} from what is stated"
         units = [name for unit, name in FACTORS.items() if abs(factor - unit) < NEAR_UNIT * unit]
         if units:

@@ -42,34 +42,15 @@ FIRST_DAMPING, MORE_DAMPING, TRIALS = 1e-3, 4.0, 12
 """First damping, over the diagonal of the precision, factor of the next one, and most of them at one step."""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Minimum:
-    """Where the steps ended.
+def minimum(
+    model: ReadingsModel, used: BoolArray, start: FloatArray | None = None
+) -> tuple[FloatArray, GaussianModel, int, bool, tuple[str, float]]:
+    """Return where the cost of ``model`` by the readings ``used`` (n_cases, n_d) has its minimum, and how.
 
-    Attributes
-    ----------
-    vector : (n,) of the model.
-    linear : readings about the vector before the last step, by what is not known exactly, in its standard
-        deviations before the test.
-    steps : number of steps.
-    settled : whether the last step was shorter than :data:`SETTLED`, or than :data:`NEAR` where the cost falls no
-        more.
-    length : of the last step: its largest change of a parameter, in the standard deviations after the test.
-    farthest : number of that parameter in the vector.
-    """
-
-    vector: FloatArray
-    linear: GaussianModel
-    steps: int
-    settled: bool
-    length: float
-    farthest: int
-
-
-def minimum(model: ReadingsModel, used: BoolArray, start: FloatArray | None = None) -> Minimum:
-    """Return where the cost of ``model`` by the readings ``used`` (n_cases, n_d) has its minimum.
-
-    ``start`` (n,) is where the steps begin; zero by default.
+    That is the vector; the readings linear about the one before the last step, by what is not known exactly, in
+    its standard deviations before the test; the number of steps; whether the last one was shorter than
+    :data:`SETTLED`, or than :data:`NEAR` where the cost falls no more; and the parameter that it changes most, by
+    how many of its standard deviations after the test. ``start`` (n,) is where they begin; zero by default.
     """
     free = model.std > 0.0
     std = model.std[free]
@@ -111,14 +92,8 @@ def minimum(model: ReadingsModel, used: BoolArray, start: FloatArray | None = No
             elif not fresh:
                 damping = 0.0
         if ended:
-            return Minimum(
-                vector=vector,
-                linear=linear,
-                steps=steps,
-                settled=length < short,
-                length=length,
-                farthest=int(np.flatnonzero(free)[size.argmax()]),
-            )
+            farthest = model.names[np.flatnonzero(free)[size.argmax()]]
+            return vector, linear, steps, length < short, (farthest, length)
         fresh = lower is None or steps == 1 or damping > 0.0 or not length <= SHRINKS * last
         last = length
         if fresh:
@@ -333,14 +308,13 @@ def estimate(model: ReadingsModel, used: BoolArray, start: FloatArray | None = N
     """
     if not used.any():
         raise InputError("load test: no reading is left to calibrate with")
-    end = minimum(model, used, start)
-    vector = end.vector
+    vector, linear, steps, settled, last_step = minimum(model, used, start)
     test, free = model.test, model.std > 0.0
     reading, noise = test.readings[used], test.reading_stds[used]
     after = model.readings(vector)
     residual = (reading - after[used]) / noise
     full = np.zeros((len(vector), len(vector)))
-    full[np.ix_(free, free)] = end.linear.precision.inverse
+    full[np.ix_(free, free)] = linear.precision.inverse
     full *= model.std[:, None]
     full *= model.std
     return Estimate(
@@ -351,9 +325,9 @@ def estimate(model: ReadingsModel, used: BoolArray, start: FloatArray | None = N
         before=drawing_readings(model, used),
         after=after,
         chi_square=float(np.sum(residual[~model.structure.at_break[np.argwhere(used)[:, 1]]] ** 2)),
-        steps=end.steps,
-        settled=end.settled,
-        last_step=(model.names[end.farthest], end.length),
+        steps=steps,
+        settled=settled,
+        last_step=last_step,
     )
 
 

@@ -11,14 +11,13 @@ judged by the factor that would make it right, in that factor's standard deviati
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse import csr_array
 from scipy.special import chdtrc
 
-from builder.calibration.estimate.case_faults import MODEL, case_fault_after, case_faults
+from builder.calibration.estimate.case_faults import MODEL, NO_CAUSE, Fault, case_fault_after, case_faults
 from builder.calibration.estimate.cause import Cause
 from builder.calibration.estimate.causes import Evidence, freed
 from builder.calibration.estimate.estimated_vehicle import Estimate, estimate, usable
@@ -75,23 +74,6 @@ MOST_GAUGES = 0.34
 
 MOST_AT_FAULT = 0.25
 """Part of the gauges, or of the load cases, that may be left out as faults."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Fault:
-    """A gauge or a load case that does not fit.
-
-    Attributes
-    ----------
-    where : name of the gauge or of the load case.
-    kind : of gauges "swapped", "sign", "unit", "dead", "gain" or "gauge"; of cases "load" or a kind of
-        :class:`~builder.calibration.estimate.case_faults.CaseFault`.
-    line : one sentence for the user.
-    """
-
-    where: str
-    kind: str
-    line: str
 
 
 def calibrate_with_faults(model: ReadingsModel) -> tuple[Estimate, tuple[Fault, ...]]:
@@ -228,19 +210,19 @@ def _fault_of(fit: Estimate, cause: Cause) -> Fault:
     model = fit.model
     name = _place(model, cause)
     if cause.where == "gauge":
-        text = "its readings fit no cause that is known"
+        text = NO_CAUSE
         if cause.kind == "gain":
             gain, tolerance = (float(vector[cause.entries[0]]) for vector in (fit.vector, model.std))
             text = f"its gain differs by about {gain:+.0%}, {abs(gain / tolerance):.0f} times its tolerance"
         return Fault(where=name, kind=cause.kind, line=f"gauge '{name}': {text}")
     case = model.loads[cause.number][0] if cause.where == "load" else cause.number
-    fault = case_fault_after(fit, case)
-    return Fault(where=name, kind=fault.kind, line=f"load case '{name}': {fault.text}")
+    return case_fault_after(fit, case)
 
 
-def _left(model: ReadingsModel, faults: Sequence[Fault]) -> BoolArray:
-    """Return (n_cases, n_d) which readings are used without the readings of ``faults``."""
-    used, blamed = usable(model), {fault.where for fault in faults}
+def _left(model: ReadingsModel, faults: Sequence[Fault], among: BoolArray | None = None) -> BoolArray:
+    """Return (n_cases, n_d) which readings are used without the readings of ``faults``, of all or of those
+    ``among`` (n_cases, n_d)."""
+    used, blamed = usable(model) if among is None else among.copy(), {fault.where for fault in faults}
     used[[case.name in blamed for case in model.test.cases]] = False
     used[:, [name in blamed for name in model.structure.gauges.names]] = False
     return used
@@ -291,40 +273,18 @@ def named_faults(model: ReadingsModel, used: BoolArray) -> list[Fault]:
     A gauge at fault makes cases look wrong, and a wrong case makes gauges look at fault. The cases are judged
     first, then the gauges first; the result with fewer faults, and more of them named, counts.
     """
-    names, gauges = [case.name for case in model.test.cases], model.structure.gauges.names
-
-    def without(faults: list[Fault]) -> BoolArray:
-        remaining, blamed = used.copy(), {fault.where for fault in faults}
-        remaining[[name in blamed for name in names]] = False
-        remaining[:, [name in blamed for name in gauges]] = False
-        return remaining
-
-    cases = wrong_cases(model, used)
-    cases_first = [*cases, *gauge_faults(model, without(cases))]
+    cases = case_faults(model, used)
+    cases_first = [*cases, *gauge_faults(model, _left(model, cases, used))]
     blamed = gauge_faults(model, used)
     if not blamed:
         return cases_first
-    cases = wrong_cases(model, without(blamed))
-    gauges_first = [*cases, *(gauge_faults(model, without(cases)) if cases else blamed)]
-    return min(cases_first, gauges_first, key=_count)
-
-
-def _count(faults: list[Fault]) -> tuple[int, int]:
-    """Return how many faults there are, and of how many no cause is known."""
-    return len(faults), sum(fault.kind in UNNAMED for fault in faults)
-
-
-def wrong_cases(model: ReadingsModel, used: BoolArray) -> list[Fault]:
-    """Return the load cases whose readings are of another load than the one stated."""
-    names = [case.name for case in model.test.cases]
-    return [
-        Fault(
-            where=names[case_fault.case],
-            kind=case_fault.kind,
-            line=f"load case '{names[case_fault.case]}': {case_fault.text}",
-        )
-        for case_fault in case_faults(model, used)
-    ]
+    cases = case_faults(model, _left(model, blamed, used))
+    gauges_first = [*cases, *(gauge_faults(model, _left(model, cases, used)) if cases else blamed)]
+    return min(
+        cases_first,
+        gauges_first,
+        key=lambda faults: (len(faults), sum(fault.kind in UNNAMED for fault in faults)),
+    )
 
 
 def gauge_faults(model: ReadingsModel, used: BoolArray) -> list[Fault]:
@@ -458,20 +418,22 @@ def _named(
     """Return what is wrong with a gauge."""
     readings, name = reading[:, gauge], names[gauge]
     rows = scatter.used[:, gauge]
+
+    def fault(kind: str, text: str) -> Fault:
+        return Fault(where=name, kind=kind, line=f"gauge '{name}': {text}")
+
     # Before "dead": in a unit 1000 times as large, readings may move by no more than noise is said to.
     for factor in UNITS if scatter.follows(gauge) else ():
         if scatter.chance(gauge, readings * factor, factor=factor) > FITS:
-            line = f"gauge '{name}': wrong unit, its readings fit when multiplied by {factor:g}"
-            return Fault(where=name, kind="unit", line=line)
+            return fault("unit", f"wrong unit, its readings fit when multiplied by {factor:g}")
     changes = np.std(readings[rows])
     if changes < 5.0 * np.median(scatter.noise[rows, gauge]) and len(readings[rows]) > 1:
-        return Fault(where=name, kind="dead", line=f"gauge '{name}': dead, it reads the same under every load")
+        return fault("dead", "dead, it reads the same under every load")
     if scatter.chance(gauge, -readings) > FITS:
-        return Fault(where=name, kind="sign", line=f"gauge '{name}': wrong sign")
+        return fault("sign", "wrong sign")
     partners = [g for g in bad if g != gauge and scatter.chance(gauge, readings, as_gauge=g) > FITS]
     back = [g for g in partners if scatter.chance(g, reading[:, g], as_gauge=gauge) > FITS]
     if back:
         best = max(back, key=lambda g: scatter.chance(gauge, readings, as_gauge=g))
-        line = f"gauge '{name}': swapped with '{names[best]}'"
-        return Fault(where=name, kind="swapped", line=line)
-    return Fault(where=name, kind="gauge", line=f"gauge '{name}': its readings fit no cause that is known")
+        return fault("swapped", f"swapped with '{names[best]}'")
+    return fault("gauge", NO_CAUSE)

@@ -9,18 +9,18 @@ many faults at once: what gauges and loads have in common is wrong rather than e
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
+from builder.calibration.estimate.case_faults import Fault
 from builder.calibration.estimate.cause import Cause
 from builder.calibration.estimate.causes import Evidence, least_of
 from builder.calibration.estimate.estimated_vehicle import Estimate
-from builder.calibration.estimate.ground_test_faults import Fault, too_many
+from builder.calibration.estimate.ground_test_faults import too_many
 from builder.calibration.estimate.outside_terms import OutsideModel
 from builder.calibration.estimate.readings_model import DIRECTIONS, PAD, ReadingsModel
 from builder.structure.as_built.as_built_vehicle import slices
-from strainfmu.arrays import FloatArray
 
 NAMED = 3.0
 """Standard deviations after the test from which a difference is named."""
@@ -129,85 +129,76 @@ def _of_load_cells(fit: Estimate) -> list[str]:
 
 def _of_cause(fit: Estimate, cause: Cause) -> str:
     """Return what the readings have set free, its size, and where to state it."""
-    size, std = fit.vector[cause.entries], fit.std[cause.entries]
-    return f"{_SAID[cause.kind](fit, cause, size, std)}; it is estimated"
-
-
-def _support(fit: Estimate, cause: Cause, size: FloatArray, std: FloatArray) -> str:
-    return (
-        f"clamp: it yields as {_pair(1e3 * size, 1e3 * std)} mm of the wall's material along and across; state "
-        f"calibration.clamp_compliance_mm = {1e3 * float(np.abs(size).max()):.1g}"
+    model, (scale, text) = fit.model, SAID[cause.kind]
+    size, std = scale * fit.vector[cause.entries], scale * fit.std[cause.entries]
+    each = [f"{value:.2g} +- {sigma:.1g}" for value, sigma in zip(size, std, strict=True)]
+    numbered = {"joint": model.structure.joint_stations, "load cell": tuple(model.full_scale.values())}
+    said = text.format(
+        cause=cause.kind,
+        all=", ".join(each),
+        first=each[0],
+        rest=", ".join(each[1:]),
+        last=each[-1],
+        largest=float(np.abs(size).max()),
+        rms=float(np.sqrt(np.mean(size**2))),
+        std=float(np.sqrt(np.mean(std**2))),
+        name=model.names[cause.entries[0]],
+        at=numbered[cause.kind][cause.number] if cause.kind in numbered else 0.0,
+        point=1e3 * PAD * float(np.abs(size).max()) / scale,
     )
+    return f"{said}; it is estimated"
 
 
-def _joint(fit: Estimate, cause: Cause, size: FloatArray, std: FloatArray) -> str:
-    station = fit.model.structure.joint_stations[cause.number]
-    return (
-        f"joint at or near {station:.3g} m: it yields as {_pair(1e3 * size, 1e3 * std)} mm of the wall; state "
-        f"calibration.joint_stations_m and joint_softness_mm = {1e3 * abs(float(size[0])):.1g}"
-    )
+_WALL = "wall: {cause} of {rms:.2g} +- {std:.1g} % rms by region; state calibration."
 
-
-def _modulus(fit: Estimate, cause: Cause, size: FloatArray, std: FloatArray) -> str:
-    return (
-        f"modulus: Young's modulus of the regions of the wall differs by {_pair(100.0 * size, 100.0 * std)} %; "
-        f"state calibration.region_modulus_percent = {100.0 * float(np.abs(size).max()):.1g}"
-    )
-
-
-def _wall(entry: str) -> Callable[[Estimate, Cause, FloatArray, FloatArray], str]:
-    def said(fit: Estimate, cause: Cause, size: FloatArray, std: FloatArray) -> str:
-        rms = 100.0 * float(np.sqrt(np.mean(size**2)))
-        sigma = 100.0 * float(np.sqrt(np.mean(std**2)))
-        size_of = f"{rms:.2g} +- {sigma:.1g} % rms by region"
-        return f"wall: {cause.kind} of {size_of}; state calibration.{entry} = {rms:.1g}"
-
-    return said
-
-
-def _direction(fit: Estimate, cause: Cause, size: FloatArray, std: FloatArray) -> str:
-    directions = " and ".join(DIRECTIONS)
-    return (
-        f"direction of all forces: turned by {_pair(np.rad2deg(size), np.rad2deg(std))} deg {directions}; check "
-        "how they are applied, and state their directions"
-    )
-
-
-def _drift(fit: Estimate, cause: Cause, size: FloatArray, std: FloatArray) -> str:
-    rms = 1e6 * float(np.sqrt(np.mean(size**2)))
-    return f"drift: zeros moved by {rms:.2g} um/m rms between the first and the last case; tare between the cases"
-
-
-def _hysteresis(fit: Estimate, cause: Cause, size: FloatArray, std: FloatArray) -> str:
-    return (
-        f"hysteresis: a case reads {_pair(100.0 * size[-1:], 100.0 * std[-1:])} % of the strain before it; "
-        "return to zero load between the cases"
-    )
-
-
-def _rig(fit: Estimate, cause: Cause, size: FloatArray, std: FloatArray) -> str:
-    return (
-        f"rig: {_pair(size, std)} kg hang on every pad and point that no load cell reads; weigh the rig, and "
-        f"state errors.rig_mass_kg = {abs(float(size[0])):.1g}"
-    )
-
-
-def _pad_size(fit: Estimate, cause: Cause, size: FloatArray, std: FloatArray) -> str:
-    return (
-        f"size of all pads: it differs by {_pair(100.0 * size, 100.0 * std)} % of their length, of points from "
-        f"none to {1e3 * PAD * abs(float(size[0])):.2g} mm to each side; state points as pads"
-    )
-
-
-def _load_cell(fit: Estimate, cause: Cause, size: FloatArray, std: FloatArray) -> str:
-    model = fit.model
-    name = model.names[cause.entries[0]]
-    return (
-        f"{name}: it is not straight, by {_pair(100.0 * size[1:], 100.0 * std[1:])} % (quadratic, cubic) of "
-        f"{model.full_scale[model.cells[cause.number]]:.4g} N; its loads at that are "
-        f"{_pair(100.0 * size[:1], 100.0 * std[:1])} % larger than it reads; calibrate it over its range, and "
-        "state full_scale_N"
-    )
+SAID = {
+    "support": (
+        1e3,
+        "clamp: it yields as {all} mm of the wall's material along and across; state "
+        "calibration.clamp_compliance_mm = {largest:.1g}",
+    ),
+    "joint": (
+        1e3,
+        "joint at or near {at:.3g} m: it yields as {all} mm of the wall; state calibration.joint_stations_m and "
+        "joint_softness_mm = {largest:.1g}",
+    ),
+    "modulus": (
+        100.0,
+        "modulus: Young's modulus of the regions of the wall differs by {all} %; state "
+        "calibration.region_modulus_percent = {largest:.1g}",
+    ),
+    "taper": (100.0, f"{_WALL}wall_taper_percent = {{rms:.1g}}"),
+    "second harmonic": (100.0, f"{_WALL}wall_second_harmonic_percent = {{rms:.1g}}"),
+    "direction": (
+        float(np.rad2deg(1.0)),
+        f"direction of all forces: turned by {{all}} deg {' and '.join(DIRECTIONS)}; check how they are applied, "
+        "and state their directions",
+    ),
+    "drift": (
+        1e6,
+        "drift: zeros moved by {rms:.2g} um/m rms between the first and the last case; tare between the cases",
+    ),
+    "rig": (
+        1.0,
+        "rig: {all} kg hang on every pad and point that no load cell reads; weigh the rig, and state "
+        "errors.rig_mass_kg = {largest:.1g}",
+    ),
+    "pad size": (
+        100.0,
+        "size of all pads: it differs by {all} % of their length, of points from none to {point:.2g} mm to each "
+        "side; state points as pads",
+    ),
+    "load cell": (
+        100.0,
+        "{name}: it is not straight, by {rest} % (quadratic, cubic) of {at:.4g} N; its loads at that are {first} "
+        "% larger than it reads; calibrate it over its range, and state full_scale_N",
+    ),
+    "hysteresis": (
+        100.0,
+        "hysteresis: a case reads {last} % of the strain before it; return to zero load between the cases",
+    ),
+}
+"""Size of the unit of each cause of the vehicle and the test, over SI, and what is said of it."""
 
 
 def _of_gauge(model: ReadingsModel, number: int) -> str:
@@ -236,22 +227,3 @@ def _of_tolerances(fit: Estimate) -> str:
         f"tolerances: vehicle and loads differ {np.sqrt(fit.from_priors):.2g} times as much from what the files "
         "state as their tolerances say; state larger ones"
     )
-
-
-def _pair(size: FloatArray, std: FloatArray) -> str:
-    return ", ".join(f"{value:.2g} +- {sigma:.1g}" for value, sigma in zip(size, std, strict=True))
-
-
-_SAID: dict[str, Callable[[Estimate, Cause, FloatArray, FloatArray], str]] = {
-    "support": _support,
-    "joint": _joint,
-    "modulus": _modulus,
-    "taper": _wall("wall_taper_percent"),
-    "second harmonic": _wall("wall_second_harmonic_percent"),
-    "direction": _direction,
-    "drift": _drift,
-    "rig": _rig,
-    "pad size": _pad_size,
-    "load cell": _load_cell,
-    "hysteresis": _hysteresis,
-}

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from builder.calibration.estimate.case_faults import Fault
 from builder.calibration.estimate.check_loads import CheckLoad, LeftOut
 from builder.calibration.estimate.estimated_vehicle import Estimate
-from builder.calibration.estimate.ground_test_faults import Fault
 from builder.calibration.estimate.load_steps import SteppedCase
 from builder.calibration.estimate.outside_terms import OutsideModel
 from builder.calibration.estimate.regression import LoadEquation
