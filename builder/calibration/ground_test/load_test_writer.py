@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -62,37 +63,30 @@ def write_load_test(
     vehicle : path of the vehicle file, relative to this one; None for none.
     blanks : leave lines to be filled in for the date of the test and its load cell.
     """
-    lines = [f"# {line}".rstrip() for line in head] + ["", f"name = {_value(name)}"]
-    lines += [] if vehicle is None else [f"vehicle = {_value(vehicle)}"]
+    lines = [f"# {line}".rstrip() for line in head] + ["", f"name = {_toml(name)}"]
+    lines += [] if vehicle is None else [f"vehicle = {_toml(vehicle)}"]
     lines += [_line("tested_on", None)] if blanks else []
     for section, entries in (("readings", readings), ("errors", errors)):
         lines += ["", f"[{section}]", *(_line(key, value) for key, value in entries.items())]
     if blanks:
         lines += ["", "[[load_cell]]", 'name = "1"', _line("serial_number", None), _line("calibrated_on", None)]
     for case in cases:
-        lines += ["", *([f"# {case.remark}"] if case.remark else []), "[[case]]", f"name = {_value(case.name)}"]
+        lines += ["", *([f"# {case.remark}"] if case.remark else []), "[[case]]", f"name = {_toml(case.name)}"]
         lines.append(_line("window_s", None if case.window is None else list(case.window)))
         lines += ["check = true"] if case.check else []
         for step in case.steps:
             lines += [f"[[case.step]]  # {'unloading' if step.unloading else 'loading'}"]
-            lines += [f"load_percent = {_value(round(100.0 * step.part, 4))}"]
+            lines += [f"load_percent = {_toml(round(100.0 * step.part, 4))}"]
             lines.append(_line("window_s", None if step.window is None else list(step.window)))
-        lines += [f"[[case.load]]\n{_table(entry_of(load))}" for load in case.loads]
+        for load in case.loads:
+            lines += ["[[case.load]]", *(_line(key, value) for key, value in entry_of(load).items())]
     write_bytes_atomically(path, ("\n".join(lines).lstrip("\n") + "\n").encode())
 
 
+def _toml(value: object) -> str:
+    """Return a text, a number or a list as TOML has them, which is as JSON has them."""
+    return json.dumps(value, ensure_ascii=False)
+
+
 def _line(key: str, value: object) -> str:
-    return f"# {key} = " if value is None else f"{key} = {_value(value)}"
-
-
-def _table(entries: Mapping[str, object]) -> str:
-    return "\n".join(f"{key} = {_value(value)}" for key, value in entries.items())
-
-
-def _value(value: object) -> str:
-    if isinstance(value, str):
-        escaped = value.replace("\\", "\\\\").replace('"', '\\"')
-        return f'"{escaped}"'
-    if isinstance(value, list):
-        return f"[{', '.join(_value(item) for item in value)}]"
-    return repr(value)
+    return f"# {key} = " if value is None else f"{key} = {_toml(value)}"
