@@ -9,9 +9,9 @@ from builder.calibration.after_test.calibrated_map import calibrated_structure
 from builder.calibration.estimate.case_faults import Fault
 from builder.calibration.estimate.check_loads import check_loads, cross_validation
 from builder.calibration.estimate.estimated_vehicle import Estimate
-from builder.calibration.estimate.load_equations import load_equations
 from builder.calibration.estimate.load_steps import stepped_cases
 from builder.calibration.estimate.outside_terms import OutsideModel
+from builder.calibration.estimate.regression import load_equations
 from builder.calibration.ground_test.load_entries import NO_LOAD_CELL
 from builder.calibration.ground_test.load_test_file import LoadTestFile
 from builder.calibration.plan.load_plan import PlanParts

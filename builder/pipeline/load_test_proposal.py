@@ -15,11 +15,18 @@ import numpy as np
 from builder.aero.shapes import outer_surface
 from builder.calibration.ground_test.candidate_cases import LoadLimits
 from builder.calibration.ground_test.load_test import LoadErrors
-from builder.calibration.ground_test.load_test_writer import WrittenCase, WrittenStep, write_load_test
+from builder.calibration.ground_test.load_test_file import WrittenCase, WrittenStep, write_load_test
 from builder.calibration.ground_test.simulated import error_entries
 from builder.calibration.plan.kind_sigmas import established, undetermined
-from builder.calibration.plan.load_plan import LoadPlan, PlanParts, load_plan
-from builder.calibration.plan.schedule import RunCase, Schedule, run_order, whole_time
+from builder.calibration.plan.load_plan import (
+    LoadPlan,
+    PlanParts,
+    RunCase,
+    Schedule,
+    load_plan,
+    run_order,
+    whole_time,
+)
 from builder.campaign.snapshot_fit import vehicle_misfits
 from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.figures.calibration.load_plan_figure import load_plan_figure

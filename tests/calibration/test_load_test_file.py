@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from builder.calibration.ground_test.ground_test_readings import read_load_test
-from builder.calibration.ground_test.load_test_file import read_test_file
-from builder.calibration.ground_test.load_test_writer import WrittenCase, write_load_test
+from builder.calibration.ground_test.load_test_file import WrittenCase, read_test_file, write_load_test
 from builder.structure.loads.applied import (
     Load,
     PadForce,

@@ -7,8 +7,7 @@ import pytest
 
 from builder.calibration.ground_test.candidate_cases import PlannedCase
 from builder.calibration.plan.kind_sigmas import KindSigmas, established, kind_sigmas, undetermined
-from builder.calibration.plan.load_plan import LoadPlan
-from builder.calibration.plan.schedule import Schedule, run_order, whole_time
+from builder.calibration.plan.load_plan import LoadPlan, Schedule, run_order, whole_time
 from builder.structure.as_built.as_built_vehicle import Counts, parameter_names
 from builder.structure.loads.applied import PadPressure, Weight
 from strainfmu.estimator.signal_names import ZERO

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from builder.calibration.ground_test.candidate_cases import standard_load_cases
 from builder.calibration.ground_test.load_test import LoadErrors
 from builder.calibration.ground_test.simulated import simulate_ground_test, write_ground_test
-from builder.calibration.ground_test.standard_cases import standard_load_cases
 from builder.campaign.snapshots import save_snapshots
 from builder.pipeline.calibrate import calibrate
 from builder.pipeline.stages import build_map, take_snapshots

@@ -17,10 +17,10 @@ from builder.calibration.after_test.calibrated_map import calibrated_structure
 from builder.calibration.estimate.check_loads import check_loads, cross_validation
 from builder.calibration.estimate.estimated_vehicle import Estimate, estimate, usable
 from builder.calibration.estimate.ground_test_faults import calibrate_with_faults
-from builder.calibration.estimate.load_equations import load_equations
 from builder.calibration.estimate.load_steps import stepped_cases
 from builder.calibration.estimate.outside_terms import outside_model
 from builder.calibration.estimate.readings_model import ReadingsModel
+from builder.calibration.estimate.regression import load_equations
 from builder.calibration.ground_test.load_test import LoadErrors, LoadStep, LoadTest
 from builder.calibration.plan.load_plan import PlanParts
 from builder.calibration.plan.worth_of_test import WorthOfTest, worth_of_test

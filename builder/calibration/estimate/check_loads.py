@@ -15,8 +15,7 @@ import numpy as np
 from scipy.special import chdtrc
 
 from builder.calibration.estimate.estimated_vehicle import Estimate
-from builder.calibration.estimate.load_equations import applied_loads
-from builder.calibration.estimate.regression import LoadEquation
+from builder.calibration.estimate.regression import LoadEquation, applied_loads
 from builder.calibration.ground_test.load_changes import cell_force
 from strainfmu.arrays import FloatArray
 

@@ -26,6 +26,7 @@ from scipy.special import chdtrc
 from builder.calibration.estimate.estimated_vehicle import Estimate
 from builder.calibration.estimate.gaussian import GaussianModel
 from builder.structure.as_built.as_built_vehicle import Key
+from builder.structure.as_built_kinds import KINDS as AS_BUILT_KINDS
 from strainfmu.arrays import FloatArray
 
 WIDE = 0.1
@@ -45,9 +46,6 @@ NAMED = 3.0
 
 KINDS = {"taper": ("wall_taper",), "second harmonic": ("wall_second_cosine", "wall_second_sine")}
 """Kinds of terms and the parameters of each."""
-
-ENTRIES = {"taper": "wall_taper_percent", "second harmonic": "wall_second_harmonic_percent"}
-"""Entry of the section [calibration] that sets each kind free."""
 
 NOISE = "noise"
 
@@ -144,8 +142,9 @@ class OutsideModel:
         named = [term for term in kind.terms if abs(term.size) > NAMED * term.std] or [
             max(kind.terms, key=lambda term: abs(term.size) / term.std)
         ]
+        entry = AS_BUILT_KINDS[KINDS[kind.kind][0]].entry
         return [f"outside the model: {term.line}" for term in named] + [
-            f"the sigmas of the map leave the wall's {kind.kind} out; with calibration.{ENTRIES[kind.kind]} = "
+            f"the sigmas of the map leave the wall's {kind.kind} out; with calibration.{entry} = "
             f"{100.0 * kind.size:.1g} in the vehicle file it is estimated"
         ]
 
@@ -163,9 +162,10 @@ def outside_model(fit: Estimate) -> OutsideModel:
     size, covariance = WIDE * wide.mean[of_terms], WIDE**2 * wide.covariance[of_terms, of_terms]
     of_noise, factor = _noise(wide)
     scale = max(factor**2, 1.0) if of_noise.chance < ALARM else 1.0
-    keys = list(derivatives)
-    kinds = [_kind(kind, keys, size, scale * covariance) for kind in KINDS if _places(kind, keys)]
-    return OutsideModel(kinds=(*kinds, of_noise), noise_factor=factor, counted=model.noise_factor)
+    kinds = [_kind(kind, list(derivatives), size, scale * covariance) for kind in KINDS]
+    return OutsideModel(
+        kinds=(*(kind for kind in kinds if kind.terms), of_noise), noise_factor=factor, counted=model.noise_factor
+    )
 
 
 def _noise(wide: GaussianModel) -> tuple[OutsideKind, float]:
@@ -186,37 +186,32 @@ def _noise(wide: GaussianModel) -> tuple[OutsideKind, float]:
     return noise, float(np.sqrt(max(1.0 + (statistic - trace) / square, 0.0)))
 
 
-def _places(kind: str, keys: Sequence[Key]) -> list[int]:
-    return [number for number, key in enumerate(keys) if key[0] in KINDS[kind]]
-
-
 def _kind(kind: str, keys: Sequence[Key], size: FloatArray, covariance: FloatArray) -> OutsideKind:
     """Return the test of one kind; ``size`` and ``covariance`` are of all ``keys``."""
-    places = _places(kind, keys)
+    places = [number for number, key in enumerate(keys) if key[0] in KINDS[kind]]
     of_kind = covariance[np.ix_(places, places)]
     statistic = float(size[places] @ np.linalg.solve(of_kind, size[places]))
-    regions = sorted({keys[number][1] for number in places})
-    terms = [_term(kind, k, [n for n in places if keys[n][1] == k], size, covariance) for k in regions]
+    terms = []
+    for region in sorted({keys[number][1] for number in places}):
+        of_region = [number for number in places if keys[number][1] == region]
+        sizes, spread = size[of_region], covariance[np.ix_(of_region, of_region)]
+        is_wave = len(of_region) > 1
+        term_size = float(np.hypot(*sizes)) if is_wave else float(sizes[0])
+        along = sizes / max(abs(term_size), 1e-300)
+        terms.append(
+            OutsideTerm(
+                kind=kind,
+                region=region,
+                size=term_size,
+                std=float(np.sqrt(along @ spread @ along if is_wave else spread[0, 0])),
+                crest=float(0.5 * np.arctan2(sizes[1], sizes[0]) % np.pi) if is_wave else None,
+            )
+        )
     return OutsideKind(
         kind=kind,
         statistic=statistic,
         freedom=len(places),
-        chance=float(chdtrc(len(places), statistic)),
+        chance=float(chdtrc(len(places), statistic)) if places else 1.0,
         terms=tuple(terms),
-        std=float(np.sqrt(np.mean(np.diag(of_kind)))),
-    )
-
-
-def _term(kind: str, region: int, places: list[int], size: FloatArray, covariance: FloatArray) -> OutsideTerm:
-    sizes, spread = size[places], covariance[np.ix_(places, places)]
-    if len(places) == 1:
-        return OutsideTerm(kind=kind, region=region, size=float(sizes[0]), std=float(np.sqrt(spread[0, 0])))
-    crest = float(np.hypot(*sizes))
-    along = sizes / max(crest, 1e-300)
-    return OutsideTerm(
-        kind=kind,
-        region=region,
-        size=crest,
-        std=float(np.sqrt(along @ spread @ along)),
-        crest=float(0.5 * np.arctan2(sizes[1], sizes[0]) % np.pi),
+        std=float(np.sqrt(np.mean(np.diag(of_kind)))) if places else 0.0,
     )

@@ -17,7 +17,7 @@ from builder.calibration.ground_test.candidate_cases import PlannedCase
 from builder.calibration.ground_test.load_changes import CellErrors, as_applied, scaled
 from builder.calibration.ground_test.load_entries import NO_LOAD_CELL, entry_of
 from builder.calibration.ground_test.load_test import KnownLoad, LoadErrors
-from builder.calibration.ground_test.load_test_writer import WrittenCase, WrittenStep, write_load_test
+from builder.calibration.ground_test.load_test_file import WrittenCase, WrittenStep, write_load_test
 from builder.structure.as_built.as_built_vehicle import AsBuilt
 from builder.structure.as_built_kinds import OF_LOADS
 from builder.structure.loads.applied import Load
@@ -111,15 +111,14 @@ def simulate_ground_test(
         stated = known_loads(case, errors)
         loads = [as_applied(known, errors, cell, random) for known in stated]
         strain.append(read(loads))
-        parts = loading if any(known.on_load_cell for known in stated) else ()
+        parts = [(part, False) for part in loading] + [(part, True) for part in reversed(loading)]
         of_case = list[SimulatedStep]()
-        for unloading, order in ((False, parts), (True, parts[::-1])):
-            for part in order:
-                acting = [
-                    scaled(load, part) if known.on_load_cell else load
-                    for known, load in zip(stated, loads, strict=True)
-                ]
-                of_case.append(SimulatedStep(part=part, unloading=unloading, strain=read(acting)))
+        for part, unloading in parts if any(known.on_load_cell for known in stated) else ():
+            acting = [
+                scaled(load, part) if known.on_load_cell else load
+                for known, load in zip(stated, loads, strict=True)
+            ]
+            of_case.append(SimulatedStep(part=part, unloading=unloading, strain=read(acting)))
         steps.append(tuple(of_case))
     return GroundTest(
         gauge_names=structure.gauges.names,
@@ -135,8 +134,8 @@ def known_loads(case: PlannedCase, errors: LoadErrors) -> tuple[KnownLoad, ...]:
     """Return the loads of a case as its file states them."""
     on_cell = [entry_of(load)["kind"] not in NO_LOAD_CELL for load in case.loads]
     return tuple(
-        KnownLoad(load=load, std=errors.load if read else 0.0, on_load_cell=read)
-        for load, read in zip(case.loads, on_cell, strict=True)
+        KnownLoad(load=load, std=errors.load if is_read else 0.0, on_load_cell=is_read)
+        for load, is_read in zip(case.loads, on_cell, strict=True)
     )
 
 
@@ -146,8 +145,8 @@ def write_ground_test(test: GroundTest, folder: Path, name: str, vehicle: str | 
     ``vehicle`` is the path of the vehicle file from there.
     """
     channels = [f"AI{k // CHANNELS_PER_CARD}/ch{k % CHANNELS_PER_CARD}" for k in range(len(test.gauge_names))]
-    time, rows, windows = _recording(test)
     steps = test.steps or ((),) * len(test.cases)
+    time, rows, window = _recording(test.strain, steps)
     lines = [",".join(["Time", *channels]), ",".join(["s", *["um/m"] * len(channels)])]
     lines += [
         f"{t:.2f}," + ",".join(f"{1e6 * value:.4f}" for value in row) for t, row in zip(time, rows, strict=True)
@@ -161,14 +160,14 @@ def write_ground_test(test: GroundTest, folder: Path, name: str, vehicle: str | 
         WrittenCase(
             name=case.name,
             loads=case.loads,
-            window=windows[k, None],
+            window=next(window_of_case),
             check=case.name in test.checks,
             steps=tuple(
-                WrittenStep(part=step.part, unloading=step.unloading, window=windows[k, n])
-                for n, step in enumerate(steps[k])
+                WrittenStep(part=step.part, unloading=step.unloading, window=next(window_of_case))
+                for step in of_case
             ),
         )
-        for k, case in enumerate(test.cases)
+        for case, of_case, window_of_case in zip(test.cases, steps, map(iter, window), strict=True)
     ]
     path = folder / "loadtest.toml"
     readings = {"recording": "loadtest.csv", "channels": "channels.toml"}
@@ -184,27 +183,25 @@ def error_entries(errors: LoadErrors) -> dict[str, object]:
     return entries | {"mass_percent": None if errors.mass is None else _rounded(100.0 * errors.mass)}
 
 
-Windows = dict[tuple[int, int | None], tuple[float, float]]
-"""First and last time [s] of every case, and of every step by its number."""
-
-
-def _recording(test: GroundTest) -> tuple[FloatArray, FloatArray, Windows]:
-    """Return times (n,) [s] and readings (n, n_d) of the whole test, and the windows."""
-    segments = list[tuple[int, int | None, FloatArray]]()
-    for case, strain in enumerate(test.strain):
-        steps = list(enumerate(test.steps[case])) if test.steps else []
-        segments += [(case, n, step.strain) for n, step in steps if not step.unloading]
-        segments.append((case, None, strain))
-        segments += [(case, n, step.strain) for n, step in steps if step.unloading]
-    parts, windows, first = list[FloatArray](), Windows(), 0
-    for number, (case, step, strain) in enumerate(segments):
-        windows[case, step] = _rounded(first / SAMPLE_RATE), _rounded((first + len(strain) - 1) / SAMPLE_RATE)
-        parts.append(strain)
-        first += len(strain)
-        if number + 1 < len(segments):
-            share = (np.arange(BETWEEN) + 1.0)[:, None] / (BETWEEN + 1.0)
-            parts.append(strain[:BETWEEN] + share * (segments[number + 1][2][:BETWEEN] - strain[:BETWEEN]))
-            first += BETWEEN
+def _recording(
+    strain: FloatArray, steps: Sequence[Sequence[SimulatedStep]]
+) -> tuple[FloatArray, FloatArray, list[list[tuple[float, float]]]]:
+    """Return times (n,) [s] and readings (n, n_d) of the whole test, and of each case the first and last time [s]
+    of its own reading and of its steps."""
+    parts, first, windows = list[FloatArray](), 0, [[(0.0, 0.0)] * (1 + len(of_case)) for of_case in steps]
+    for case, of_case in enumerate(steps):
+        own = sum(not step.unloading for step in of_case)
+        readings = [(1 + n, step.strain) for n, step in enumerate(of_case)]
+        for number, reading in (*readings[:own], (0, strain[case]), *readings[own:]):
+            if parts:
+                share = (np.arange(BETWEEN) + 1.0)[:, None] / (BETWEEN + 1.0)
+                before = parts[-1][:BETWEEN]
+                parts.append(before + share * (reading[:BETWEEN] - before))
+                first += BETWEEN
+            parts.append(reading)
+            last = first + len(reading) - 1
+            windows[case][number] = _rounded(first / SAMPLE_RATE), _rounded(last / SAMPLE_RATE)
+            first = last + 1
     rows = np.concatenate(parts)
     return np.arange(len(rows)) / SAMPLE_RATE, rows, windows
 

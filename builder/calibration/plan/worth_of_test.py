@@ -8,7 +8,7 @@ import numpy as np
 
 from builder.aero.loads.operator import load_operator_on
 from builder.calibration.estimate.estimated_vehicle import Estimate
-from builder.calibration.estimate.load_equations import applied_loads
+from builder.calibration.estimate.regression import applied_loads
 from builder.calibration.ground_test.candidate_cases import (
     LoadLimits,
     PlannedCase,

@@ -18,8 +18,8 @@ from builder.calibration.after_test.calibrated_map import remaining_after
 from builder.calibration.after_test.left_by_test import Remaining, left_by_test
 from builder.calibration.estimate.estimated_vehicle import Estimate
 from builder.calibration.estimate.ground_test_faults import calibrate_with_faults
-from builder.calibration.estimate.load_equations import load_equations
 from builder.calibration.estimate.outside_terms import outside_model
+from builder.calibration.estimate.regression import load_equations
 from builder.calibration.estimate.remarks import remarks, unexplained
 from builder.calibration.ground_test.load_changes import (
     DIRECTED,

@@ -20,12 +20,10 @@ from builder.calibration.after_test.calibrated_map import calibrated_map, calibr
 from builder.calibration.after_test.left_by_test import LeftByTest, Remaining
 from builder.calibration.as_built.structure_of_test import prior_of_test, structure_of_test
 from builder.calibration.estimate.readings_model import ReadingsModel
-from builder.calibration.ground_test.candidate_cases import LoadLimits, PlannedCase
+from builder.calibration.ground_test.candidate_cases import LoadLimits, PlannedCase, standard_load_cases
 from builder.calibration.ground_test.load_test import LoadCase, LoadErrors, LoadTest
 from builder.calibration.ground_test.simulated import known_loads
-from builder.calibration.ground_test.standard_cases import standard_load_cases
-from builder.calibration.plan.load_plan import PlanParts, load_plan
-from builder.calibration.plan.schedule import run_order
+from builder.calibration.plan.load_plan import PlanParts, load_plan, run_order
 from builder.campaign.snapshots import Snapshots, load_snapshots, snapshots_on
 from builder.inverse.modes.ensemble import Ensemble, ensemble_of
 from builder.structure.as_built.as_built_structure import AsBuiltStructure, as_built_structure, with_surface_of
