@@ -16,7 +16,8 @@ Source: Rasmussen & Williams, *Gaussian Processes for Machine Learning*, section
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -29,7 +30,7 @@ from builder.calibration.ground_test.load_changes import change_by, hanging
 from builder.structure.as_built.as_built_vehicle import slices
 from builder.structure.as_built_kinds import KINDS
 from builder.structure.loads.applied import PadForce, PointForce
-from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.arrays import BoolArray, FloatArray, IntArray
 
 LEAST = 12.0
 """Logarithm of how much more probable the readings must be: odds of 160,000 to 1, for one of about 150 causes."""
@@ -47,16 +48,16 @@ for nothing costs little. Pads that are all 30 % longer had 7.5 to 11 in six tes
 
 SMALL = ("taper", "second harmonic", "pad size")
 
-WIDE = {
-    "clamp_axial": 0.05,
-    "clamp_transverse": 0.05,
-    "joint_softness": 0.05,
-    "region_modulus": 0.1,
-    "wall_taper": 0.03,
-    "wall_second_cosine": 0.03,
-    "wall_second_sine": 0.03,
+WALL = {
+    "support": {"clamp_axial": 0.05, "clamp_transverse": 0.05},
+    "taper": {"wall_taper": 0.03},
+    "second harmonic": {"wall_second_cosine": 0.03, "wall_second_sine": 0.03},
+    "modulus": {"region_modulus": 0.1},
 }
-"""Standard deviations of what is set free [m, m, m, 1, 1, 1, 1]."""
+"""Parameters that each cause of the wall sets free, with their standard deviations [m, m, 1, 1, 1, 1]."""
+
+WIDE_JOINT = 0.05
+"""Of the softness of a joint [m]."""
 
 WIDE_TURN = float(np.deg2rad(10.0))
 """Of the direction that all forces have in common [rad]."""
@@ -85,6 +86,8 @@ NOISES = (1.25, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0)
 SCATTERS = (1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1e3, 3e3, 1e4)
 """Scatter of one gauge or case whose cause is not known, in standard deviations of its noise."""
 
+NO_ENTRY = np.zeros(0, dtype=np.int64)
+
 OF_GAUGE = ("gauge_gain", "orientation", "axial_shift", "circumferential_shift", "transverse_sensitivity")
 
 
@@ -96,21 +99,14 @@ def causes_of(model: ReadingsModel) -> list[Cause]:
 
 def _of_vehicle(model: ReadingsModel) -> Iterator[Cause]:
     where, counts = slices(model.structure.counts), model.structure.counts
-    kinds: dict[str, tuple[str, ...]] = {
-        "support": ("clamp_axial", "clamp_transverse"),
-        "taper": ("wall_taper",),
-        "second harmonic": ("wall_second_cosine", "wall_second_sine"),
-    }
-    if model.structure.has_moduli:
-        kinds["modulus"] = ("region_modulus",)
-    for kind, names in kinds.items():
-        entries = np.concatenate([np.arange(where[name].start, where[name].stop) for name in names])
-        wide = np.concatenate([np.full(counts.of(KINDS[name]), WIDE[name]) for name in names])
-        yield Cause(where="vehicle", kind=kind, entries=entries, wide=wide)
+    for kind, wide_of in WALL.items():
+        if kind != "modulus" or model.structure.has_moduli:
+            entries = np.concatenate([np.arange(where[name].start, where[name].stop) for name in wide_of])
+            wide = np.concatenate([np.full(counts.of(KINDS[name]), std) for name, std in wide_of.items()])
+            yield Cause(where="vehicle", kind=kind, entries=entries, wide=wide)
     for number in range(counts.joint):
         entries = np.array([where["joint_softness"].start + number])
-        wide = np.array([WIDE["joint_softness"]])
-        yield Cause(where="vehicle", kind="joint", number=number, entries=entries, wide=wide)
+        yield Cause(where="vehicle", kind="joint", number=number, entries=entries, wide=np.array([WIDE_JOINT]))
 
 
 def _of_test(model: ReadingsModel) -> Iterator[Cause]:
@@ -236,36 +232,42 @@ class Evidence:
 
     def _of_noise(self) -> tuple[Cause, float]:
         before = self.model.noise_factor  # noise that was taken for larger before another cause was found
-        best, factor = -np.inf, 1.0
-        for level in (1.0, *NOISES):
-            if not np.isclose(level, before):
-                density = self._linear.density(level / before)
-                if density < best:
-                    break  # it has one maximum
-                best, factor = density, level / before
-        none = np.zeros(0)
-        cause = Cause(where="noise", kind="noise", entries=none.astype(np.int64), wide=none, factor=factor)
-        return cause, best - self._linear.density()
+        factors = [level / before for level in (1.0, *NOISES) if not np.isclose(level, before)]
+        factor, density = _highest(factors, self._linear.density)
+        cause = Cause(where="noise", kind="noise", entries=NO_ENTRY, wide=np.zeros(0), factor=factor)
+        return cause, density - self._linear.density()
 
     def _of_scatter(self) -> Iterator[tuple[Cause, float]]:
         """Yield gauges and cases whose readings are not what the others predict of them, of no known cause."""
         places = np.argwhere(self.used)
-        none = np.zeros(0)
-        for where, axis in (("gauge", 1), ("case", 0)):
+        kinds: tuple[tuple[Where, int], ...] = (("gauge", 1), ("case", 0))
+        for kind, axis in kinds:
             for number in np.unique(places[:, axis]).tolist():
                 rows = np.flatnonzero(places[:, axis] == number)
-                precision, misfit = self._linear.precision_of(rows), self._linear.weighted[rows]
-                gain, scatter = -np.inf, 0.0
-                for size in SCATTERS:
-                    root = np.linalg.cholesky(np.eye(len(rows)) + size**2 * precision)
-                    half = size * solve_triangular(root, misfit, lower=True)
-                    more = 0.5 * float(half @ half) - float(np.sum(np.log(np.diag(root))))
-                    if more < gain:
-                        break  # it has one maximum
-                    gain, scatter = more, size
-                kind: Where = "gauge" if where == "gauge" else "case"
-                entries = none.astype(np.int64)
-                yield Cause(where=kind, kind=kind, number=number, entries=entries, wide=none, factor=scatter), gain
+                scatter, gain = _highest(
+                    SCATTERS, partial(self._gain_of_scatter, rows, self._linear.precision_of(rows))
+                )
+                cause = Cause(
+                    where=kind, kind=kind, number=number, entries=NO_ENTRY, wide=np.zeros(0), factor=scatter
+                )
+                yield cause, gain
+
+    def _gain_of_scatter(self, rows: IntArray, precision: FloatArray, size: float) -> float:
+        """Return how much more probable the readings ``rows`` are that scatter by ``size`` more."""
+        root = np.linalg.cholesky(np.eye(len(rows)) + size**2 * precision)
+        half = size * solve_triangular(root, self._linear.weighted[rows], lower=True)
+        return 0.5 * float(half @ half) - float(np.sum(np.log(np.diag(root))))
+
+
+def _highest(values: Sequence[float], gain_of: Callable[[float], float]) -> tuple[float, float]:
+    """Return the first of ``values`` from which the gain falls, and the gain there; it has one maximum."""
+    best, gain = values[0], gain_of(values[0])
+    for value in values[1:]:
+        more = gain_of(value)
+        if more < gain:
+            break
+        best, gain = value, more
+    return best, gain
 
 
 def least_of(cause: Cause, n_loads: int = FEW) -> float:

@@ -249,13 +249,10 @@ class Estimate:
     @property
     def far_off(self) -> str:
         """Readings that no vehicle near the drawing has: one factor shows a wrong sign, unit or load."""
-        drawing, test, changes = self.model.at_drawing()[0], self.model.test, []
-        for part in (drawing, test.readings):
+        drawing, test, changes = self.model.at_drawing()[0], self.model.test, list[FloatArray]()
+        for part in (drawing, test.readings):  # what the loads change, without the zeros
             shown = np.where(self.used, part, 0.0)
-            for group in self.model.groups:  # what the loads change, without the zeros
-                rows = np.array([case.group == group for case in test.cases])
-                shown[rows] -= shown[rows].sum(axis=0) / np.maximum(self.used[rows].sum(axis=0), 1)
-            changes.append(shown[self.used])
+            changes.append((shown - _mean_of_group(self.model, self.used, shown))[self.used])
         size = float(changes[0] @ changes[0])
         factor = float(changes[0] @ changes[1]) / size if size > 0.0 else float("nan")
         return (
@@ -333,10 +330,15 @@ def estimate(model: ReadingsModel, used: BoolArray, start: FloatArray | None = N
 
 def drawing_readings(model: ReadingsModel, used: BoolArray) -> FloatArray:
     """Return what the vehicle of the drawing reads (n_cases, n_d), its zeros the mean of what is left."""
-    predicted = model.at_drawing()[0].copy()
+    predicted = model.at_drawing()[0]
     residual = np.where(used, model.test.readings - predicted, 0.0)
+    return np.asarray(predicted + _mean_of_group(model, used, residual))
+
+
+def _mean_of_group(model: ReadingsModel, used: BoolArray, value: FloatArray) -> FloatArray:
+    """Return (n_cases, n_d) the mean of ``value``, 0 of what is not ``used``, over the cases of the same zeros."""
+    mean = np.zeros(value.shape)
     for group in model.groups:
         rows = np.array([case.group == group for case in model.test.cases])
-        count = np.maximum(used[rows].sum(axis=0), 1)
-        predicted[rows] += residual[rows].sum(axis=0) / count
-    return predicted
+        mean[rows] = value[rows].sum(axis=0) / np.maximum(used[rows].sum(axis=0), 1)
+    return mean

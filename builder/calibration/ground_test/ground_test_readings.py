@@ -54,36 +54,25 @@ def window_variances(variance: FloatArray, freedom: FloatArray) -> FloatArray:
     counts: BoolArray = (freedom > 0.0) & (variance > 0.0)
     total = np.where(counts, freedom, 0.0)
     pooled = np.sum(total * variance, axis=0) / np.maximum(total.sum(axis=0), 1.0)
-    prior = _prior_freedom(variance, freedom, counts)
+    # Logarithms without the bias of few samples, NaN where there is none, and their mean of each gauge.
+    half = 0.5 * np.where(counts, freedom, 1.0)
+    logs = np.where(counts, np.log(np.where(counts, variance, 1.0)) - psi(half) + np.log(half), np.nan)
+    level = np.nansum(logs, axis=0) / np.maximum(counts.sum(axis=0), 1)
+    prior = _prior_freedom(logs - level, freedom, counts)
     if not np.isfinite(prior):
         return np.broadcast_to(pooled, variance.shape).copy()
-    level = _level(variance, freedom, counts)
     start = np.exp(level + psi(0.5 * prior) - np.log(0.5 * prior))
     both = (prior * start + total * variance) / np.maximum(prior + total - 2.0, 1.0)
     return np.asarray(np.where(counts, both, np.where(counts.any(axis=0), pooled, 0.0)))
 
 
-def _centred_log(variance: FloatArray, freedom: FloatArray, counts: BoolArray) -> FloatArray:
-    """Return log s^2 without the bias of few samples, NaN where there is none."""
-    half = 0.5 * np.where(counts, freedom, 1.0)
-    logs = np.log(np.where(counts, variance, 1.0)) - psi(half) + np.log(half)
-    return np.asarray(np.where(counts, logs, np.nan))
-
-
-def _level(variance: FloatArray, freedom: FloatArray, counts: BoolArray) -> FloatArray:
-    """Return the mean logarithm of every gauge (n_d,)."""
-    logs = _centred_log(variance, freedom, counts)
-    return np.asarray(np.nansum(logs, axis=0) / np.maximum(counts.sum(axis=0), 1))
-
-
-def _prior_freedom(variance: FloatArray, freedom: FloatArray, counts: BoolArray) -> float:
-    """Return d_0; infinite where windows differ by no more than their samples leave."""
-    logs = _centred_log(variance, freedom, counts)
+def _prior_freedom(residual: FloatArray, freedom: FloatArray, counts: BoolArray) -> float:
+    """Return d_0 by the logarithms less the mean of their gauge; infinite where windows differ by no more than
+    their samples leave."""
     number = counts.sum(axis=0)
     total_freedom = int(np.sum(np.maximum(number - 1, 0)))
     if total_freedom < 1:
         return np.inf
-    residual = logs - _level(variance, freedom, counts)
     scatter = float(np.nansum(residual**2)) / total_freedom
     rows = counts & (number > 1)
     expected = float(np.mean(polygamma(1, 0.5 * freedom[rows])))
