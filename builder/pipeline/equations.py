@@ -67,7 +67,9 @@ def equations(test: str | Path, output: str | Path = "equations.h5", *, accept: 
     fitted = fit_equations(applied_test(file))
     made = equations_map(fitted)
     page_path, pdf_path, csv_path = report_files(output)
-    page = equations_page(fitted, origin_of(input_files({"file": file.path, "table": file.table_path})))
+    page = equations_page(
+        fitted, origin_of(input_files({"file": file.path, "table": file.beside(file.readings.table)}))
+    )
     write_page(page, page_path)
     write_bytes_atomically(csv_path, table_csv(equations_table_of(fitted)).encode("utf-8"))
     files, line = [page_path, csv_path], without_packages(page_path.name)

@@ -79,6 +79,7 @@ def fit_equations(test: AppliedTest) -> FittedEquations:
         There are fewer rows or gauges than the equations need, or loads that do not differ independently.
     """
     file, fitted = test.file, ~test.is_check
+    table = file.beside(file.readings.table)
     strain, load = test.strain[fitted], test.load[fitted]
     n_d, n_l = strain.shape[1], load.shape[1]
     if n_d < n_l:
@@ -86,12 +87,12 @@ def fit_equations(test: AppliedTest) -> FittedEquations:
     most = max(len(load.gauges or file.readings.gauges) for load in file.load) if file.method == "all" else n_l
     if len(load) <= max(most, n_l):
         raise InputError(
-            f"{file.table_path}: expected more rows than the {max(most, n_l)} gauges of an equation, got "
+            f"{table}: expected more rows than the {max(most, n_l)} gauges of an equation, got "
             f'{len(load)}; apply more loads, name fewer gauges, or state method = "selected" or "ridge"'
         )
     size = np.abs(load).max(axis=0)
     if not size.all() or np.linalg.matrix_rank(load / size) < n_l:
-        raise InputError(f"{file.table_path}: expected loads that differ independently, got some that go together")
+        raise InputError(f"{table}: expected loads that differ independently, got some that go together")
     none = ~load.any(axis=1)
     is_fitted = not none.any()
     zero, level = (
@@ -113,7 +114,7 @@ def fit_equations(test: AppliedTest) -> FittedEquations:
     )
     empty = [equation.load for equation in equations if not equation.gauges]
     if empty:
-        raise InputError(f"{file.table_path}: {empty[0]}: expected gauges whose T is 4 or more, got none")
+        raise InputError(f"{table}: {empty[0]}: expected gauges whose T is 4 or more, got none")
     per_load = np.linalg.lstsq(of_load / size, change, rcond=None)[0].T / size
     per_load = per_load @ np.linalg.inv(_gain(equations, n_d) @ per_load)
     left_out = np.column_stack([equation.left_out for equation in equations])

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from itertools import permutations
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -21,6 +22,7 @@ from scipy.special import chdtrc
 from builder.calibration.estimate.estimated_vehicle import Estimate
 from builder.calibration.estimate.gaussian import GaussianModel
 from builder.calibration.estimate.readings_model import DRIFT, ReadingsModel, scaled_columns
+from builder.calibration.ground_test.equations_file import FORCES
 from builder.calibration.ground_test.load_changes import cell_force, hanging, is_along
 from builder.calibration.ground_test.load_test import LoadCase
 from builder.structure.as_built.as_built_structure import OF_MASS
@@ -46,16 +48,9 @@ FITS = 1e-3
 """Probability from which the readings of a case fit a cause."""
 
 FACTORS = {
-    9.80665: "stated in N, applied in kgf",
-    1.0 / 9.80665: "stated in kgf, applied in N",
-    4.4482216152605: "stated in N, applied in lbf",
-    1.0 / 4.4482216152605: "stated in lbf, applied in N",
-    2.20462262185: "stated in lbf, applied in kgf",
-    1.0 / 2.20462262185: "stated in kgf, applied in lbf",
-    1000.0: "stated in N, applied in kN",
-    -1.0: "wrong sign of the load",
-    0.0: "no load acted",
-}
+    FORCES[actual] / FORCES[stated]: f"stated in {stated}, applied in {actual}"
+    for stated, actual in (*permutations(("N", "kgf", "lbf"), 2), ("N", "kN"))
+} | {-1.0: "wrong sign of the load", 0.0: "no load acted"}
 """Causes that multiply a load, by the factor."""
 
 NO_CAUSE = "its readings fit no cause that is known"

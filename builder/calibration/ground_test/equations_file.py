@@ -69,7 +69,22 @@ class ReferenceEntries(Section):
     dynamic_pressure_Pa: float = Field(default=1.0, gt=0.0, le=1e9)
 
 
-class EquationsFile(Section):
+class WholeFile(Section):
+    """A file that names others, relative to itself."""
+
+    _path: Path = PrivateAttr(default=Path("test.toml"))
+
+    @property
+    def path(self) -> Path:
+        """Where the file is."""
+        return self._path
+
+    def beside(self, name: str) -> Path:
+        """Return the path of a file named in this one."""
+        return self._path.parent / name
+
+
+class EquationsFile(WholeFile):
     """The file of a test without a model.
 
     ``method`` is ``all`` gauges of each load, ``selected`` by T values, or ``ridge``.
@@ -81,17 +96,6 @@ class EquationsFile(Section):
     readings: TableEntries
     load: list[AppliedLoad] = Field(min_length=1, max_length=1000)
     reference: ReferenceEntries = ReferenceEntries()
-    _path: Path = PrivateAttr(default=Path("equations.toml"))
-
-    @property
-    def path(self) -> Path:
-        """Where the file is."""
-        return self._path
-
-    @property
-    def table_path(self) -> Path:
-        """Where its table is."""
-        return self._path.parent / self.readings.table
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -152,7 +156,7 @@ def applied_test(file: EquationsFile) -> AppliedTest:
     InputError
         A column is missing, or a value is no number.
     """
-    path, entries = file.table_path, file.readings
+    path, entries = file.beside(file.readings.table), file.readings
     rows = read_csv(path)
     if len(rows) < 2:
         raise InputError(f"{path}: expected a heading and rows of readings, got {len(rows)} rows")

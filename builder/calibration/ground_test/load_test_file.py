@@ -12,8 +12,9 @@ from datetime import date
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Field, PrivateAttr, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
+from builder.calibration.ground_test.equations_file import WholeFile
 from builder.calibration.ground_test.load_entries import NO_LOAD_CELL, AnyLoadEntry, entry_of
 from builder.calibration.ground_test.load_test import KnownLoad, LoadErrors
 from builder.structure.as_built_kinds import OF_LOADS
@@ -159,7 +160,7 @@ class ChangedGauge(Section):
     on: date | None = None
 
 
-class LoadTestFile(Section):
+class LoadTestFile(WholeFile):
     """The file of a ground test, whole."""
 
     name: CaseName
@@ -170,7 +171,6 @@ class LoadTestFile(Section):
     readings: ReadingEntries = ReadingEntries()
     case: list[CaseEntry] = Field(min_length=1, max_length=1000)
     changed: list[ChangedGauge] = Field(default=[], max_length=10_000)
-    _path: Path = PrivateAttr(default=Path("loadtest.toml"))
 
     @model_validator(mode="after")
     def _each_name_once(self) -> LoadTestFile:
@@ -190,15 +190,6 @@ class LoadTestFile(Section):
         if faults:
             raise Faults(faults)
         return self
-
-    @property
-    def path(self) -> Path:
-        """Where the file is."""
-        return self._path
-
-    def beside(self, name: str) -> Path:
-        """Return the path of a file named in this one, relative to it."""
-        return self._path.parent / name
 
 
 def read_test_file(path: str | Path) -> LoadTestFile:
