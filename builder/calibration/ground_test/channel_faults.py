@@ -62,10 +62,11 @@ class Steadiness:
     most: FloatArray
     repeats: float
 
-    def too_many(self, value: float, count: int, samples: int) -> bool:
-        """Return whether ``count`` of ``samples`` are more at ``value`` [m/m] than a sound channel has there."""
+    def too_many(self, value: float, samples: FloatArray) -> bool:
+        """Return whether more of ``samples`` (n,) are at ``value`` [m/m] than a sound channel has there."""
         most = float(self.most[int(np.abs(self.place - value).argmin())])
-        repeated, independent = int(count / self.repeats), int(np.ceil(samples / self.repeats))
+        repeated = int(np.sum(samples == value) / self.repeats)
+        independent = int(np.ceil(len(samples) / self.repeats))
         # The first sample may be anywhere; the others must meet it.
         return repeated > 1 and float(bdtrc(repeated - 2, independent - 1, most)) < CHANCE
 
@@ -79,45 +80,41 @@ def channel_faults(strain: FloatArray, windows: Sequence[FloatArray]) -> list[Ch
     windows : (k, n_d) samples of each window in it.
     """
     faults = []
-    sound = _steadiness(strain, windows)
-    for gauge, steadiness in enumerate(sound):
-        samples = strain[:, gauge]
-        samples = samples[np.isfinite(samples)]
+    for gauge, steadiness in enumerate(_steadiness(strain, windows)):
+        samples = _finite(strain[:, gauge])
         if steadiness is None or not len(samples):
             continue
-        ends = np.unique([samples.min(), samples.max()])
-        at_end, still = list[int](), list[int]()
-        values = set[float]()
+        ends = np.unique([samples.min(), samples.max()]).tolist()
+        railed, frozen = dict[int, list[float]](), dict[int, list[float]]()
         for number, window in enumerate(windows):
-            of_gauge = window[:, gauge]
-            of_gauge = of_gauge[np.isfinite(of_gauge)]
-            railed = [end for end in ends if steadiness.too_many(end, int(np.sum(of_gauge == end)), len(of_gauge))]
-            if railed:
-                at_end.append(number)
-                values |= {float(end) for end in railed}
-            elif (
-                len(of_gauge)
-                and np.ptp(of_gauge) == 0.0
-                and steadiness.too_many(of_gauge[0], len(of_gauge), len(of_gauge))
-            ):
-                still.append(number)
-                values.add(float(of_gauge[0]))
-        if at_end or still:
+            of_window = _finite(window[:, gauge])
+            at_end = [end for end in ends if steadiness.too_many(end, of_window)]
+            is_still = len(of_window) > 0 and np.ptp(of_window) == 0.0
+            if at_end:
+                railed[number] = at_end
+            elif is_still and steadiness.too_many(float(of_window[0]), of_window):
+                frozen[number] = [float(of_window[0])]
+        values = sorted({value for stands_at in (railed | frozen).values() for value in stands_at})
+        if values:
             faults.append(
                 ChannelFault(
                     gauge=gauge,
-                    kind="railed or frozen" if len(ends) == 1 else "railed" if at_end else "frozen",
-                    fraction=float(np.mean(np.isin(samples, list(values)))),
-                    values=tuple(sorted(values)),
-                    windows=tuple(sorted(at_end + still)),
+                    kind="railed or frozen" if len(ends) == 1 else "railed" if railed else "frozen",
+                    fraction=float(np.mean(np.isin(samples, values))),
+                    values=tuple(values),
+                    windows=tuple(sorted(railed | frozen)),
                 )
             )
     return faults
 
 
+def _finite(samples: FloatArray) -> FloatArray:
+    return np.asarray(samples[np.isfinite(samples)])
+
+
 def resolution(samples: FloatArray) -> float:
     """Return the smallest difference between two values of ``samples`` (n,) [m/m]; 0 where all are the same."""
-    steps = np.diff(np.sort(samples[np.isfinite(samples)]))
+    steps = np.diff(np.sort(_finite(samples)))
     return float(steps[steps > 0.0].min(initial=np.inf)) if steps.any() else 0.0
 
 
@@ -125,11 +122,9 @@ def _steadiness(strain: FloatArray, windows: Sequence[FloatArray]) -> list[Stead
     """Return how often each channel repeats a value where it does not stand at its ends, by the windows."""
     every: list[Steadiness | None] = []
     for gauge in range(strain.shape[1]):
-        samples = strain[:, gauge]
-        samples = samples[np.isfinite(samples)]
+        samples = _finite(strain[:, gauge])
         ends = [samples.min(), samples.max()] if len(samples) else []
-        parts = [window[:, gauge] for window in windows]
-        parts = [part[np.isfinite(part) & ~np.isin(part, ends)] for part in parts]
+        parts = [part[~np.isin(part, ends)] for part in (_finite(window[:, gauge]) for window in windows)]
         parts = [part for part in parts if len(part) > 1 and np.ptp(part) > 0.0]
         every.append(_of_channel(parts) if parts else None)
     known = [steadiness for steadiness in every if steadiness is not None]

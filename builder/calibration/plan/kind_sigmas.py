@@ -59,10 +59,9 @@ def kind_sigmas(
     kinds = []
     for kind, place in slices(counts).items():
         chosen = used if used is not None and used.any() and KINDS[kind].extent == "gauge" else slice(None)
-        prior, after_test = before[place][chosen], after[place][chosen]
-        if prior.any():
-            sigmas = (float(np.sqrt(np.mean(stds**2))) for stds in (prior, after_test))
-            kinds.append(KindSigmas(kind=kind, before=next(sigmas), after=next(sigmas)))
+        if before[place][chosen].any():
+            prior, left = (float(np.sqrt(np.mean(stds[place][chosen] ** 2))) for stds in (before, after))
+            kinds.append(KindSigmas(kind=kind, before=prior, after=left))
     return kinds
 
 
