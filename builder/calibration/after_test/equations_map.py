@@ -152,17 +152,13 @@ def equations_map(fitted: FittedEquations) -> InverseMap:
         covariance = covariance + null @ (pick @ rest @ pick.T) @ null.T
     covariance = 0.5 * (covariance + covariance.T)
     names, stations = _map_loads(fitted)
-    load_per_state = np.zeros((len(names), n_l))
-    for k, load in enumerate(file.load):
-        load_per_state[names.index((load.name, load.x_m)), k] = size[k]
+    place = [names.index((load.name, load.x_m)) for load in file.load]
+    load_per_state, limits = np.zeros((len(names), n_l)), np.zeros((len(names), 2))
+    load_per_state[place, np.arange(n_l)] = size
+    limits[place] = np.column_stack([applied.min(axis=0), applied.max(axis=0)])
     area, length = file.reference.area_m2, file.reference.length_m
     scale = file.reference.dynamic_pressure_Pa * area * np.array([1.0, 1.0, 1.0, length, length])
-    limits = np.zeros((5, 2))
-    for k, load in enumerate(file.load):
-        place = names.index((load.name, load.x_m))
-        if place < len(COEFFICIENT_NAMES):
-            limits[place] = min(applied[:, k].min(), 0.0), max(applied[:, k].max(), 0.0)
-    limits /= scale[:, None]
+    limits = np.clip(limits[: len(COEFFICIENT_NAMES)], [-np.inf, 0.0], [0.0, np.inf]) / scale[:, None]
     known = limits.any(axis=1)
     axes = np.eye(5)[known]
     is_redundant = fitted.redundancy > 0
@@ -210,11 +206,9 @@ def equations_map(fitted: FittedEquations) -> InverseMap:
 def _map_loads(fitted: FittedEquations) -> tuple[list[tuple[str, float | None]], FloatArray]:
     """Return name and station of every load of the map, which has all loads of a body or a section or none, and
     the stations."""
-    wanted = fitted.test.file.load
+    wanted, last = fitted.test.file.load, list(WHOLE)[-1]
     stations = sorted({load.x_m for load in wanted if load.x_m is not None})
-    body_loads = (
-        list(WHOLE) if stations or any(load.name == list(WHOLE)[-1] for load in wanted) else list(WHOLE)[:-1]
-    )
-    names: list[tuple[str, float | None]] = [(name, None) for name in body_loads]
+    has_last = stations or any(load.name == last for load in wanted)
+    names: list[tuple[str, float | None]] = [(name, None) for name in WHOLE if name != last or has_last]
     names += [(name, station) for name in AT_STATION for station in stations]
     return names, np.array(stations)
