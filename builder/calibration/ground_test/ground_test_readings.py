@@ -246,9 +246,10 @@ def _without_faults(
             for k in hit:
                 sound[k][:, fault.gauge] = np.nan
             where = "all cases" if len(hit) == len(of_source) else _named([places[k] for k in hit])
+            percent = f"{100.0 * fault.fraction:.{1 if fault.fraction < 0.1 else 0}f} %"
             values = " or ".join(f"{1e6 * value:.6g}" for value in fault.values[:2])
             lines.append(
-                f"{file.path}: gauge '{gauge_names[fault.gauge]}': {fault.kind}, {percent_of(fault.fraction)} of "
+                f"{file.path}: gauge '{gauge_names[fault.gauge]}': {fault.kind}, {percent} of "
                 f"its samples in {source[0].name} stand at {values} um/m; left out of {where}"
             )
     return sound, tuple(lines)
@@ -262,11 +263,6 @@ def _named(places: Sequence[_Place]) -> str:
     text += ", ".join(next(place.name for place in places if place.case == case) for case in names)
     has_both = steps and len(places) > steps
     return f"{text}, and of {steps} steps of these" if has_both else text
-
-
-def percent_of(fraction: float) -> str:
-    """Return a fraction [1] in percent, with two digits at least."""
-    return f"{100.0 * fraction:.{1 if fraction < 0.1 else 0}f} %"
 
 
 def _rounding(places: Sequence[_Place], recordings: Recordings) -> FloatArray:
