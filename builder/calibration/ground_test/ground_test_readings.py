@@ -293,7 +293,9 @@ def _refuse_overlaps(file: LoadTestFile, places: Sequence[_Place]) -> None:
     for first, second in pairwise(ordered):
         if second.source[0] != first.source[0]:
             continue
-        (row, window), (last_row, last_window) = ((p.entry.row, p.entry.window_s) for p in (second, first))
+        (row, window), (last_row, last_window) = (
+            (place.entry.row, place.entry.window_s) for place in (second, first)
+        )
         if row is not None and row == last_row:
             raise InputError(
                 f"{file.path}: {second.where}.row: {second.name}: expected another row than {first.where} "
