@@ -82,7 +82,6 @@ class OutsideKind:
     kind : of :data:`KINDS`, or :data:`NOISE`.
     statistic, freedom : chi-square and its degrees of freedom.
     terms : of each region; none of the noise.
-    std : rms standard deviation of the terms after the test [1].
     """
 
     kind: str
@@ -90,7 +89,6 @@ class OutsideKind:
     freedom: float
     chance: float
     terms: tuple[OutsideTerm, ...] = ()
-    std: float = 0.0
 
     @property
     def size(self) -> float:
@@ -213,5 +211,4 @@ def _kind(kind: str, keys: Sequence[Key], size: FloatArray, covariance: FloatArr
         freedom=len(places),
         chance=float(chdtrc(len(places), statistic)) if places else 1.0,
         terms=tuple(terms),
-        std=float(np.sqrt(np.mean(np.diag(of_kind)))) if places else 0.0,
     )

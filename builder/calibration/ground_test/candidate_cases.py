@@ -1,5 +1,7 @@
-"""Load cases that a test could apply: pads at stations and roll angles, attitudes, pressure, axial force; those of
-a plain test: pads over the body in two planes and more, own weight in four attitudes."""
+"""Load cases that a test could apply: pads at stations and roll angles, attitudes, pressure, axial force.
+
+A plain test has pads over the body in two planes and more, and own weight in four attitudes.
+"""
 
 from __future__ import annotations
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 
@@ -19,9 +18,9 @@ from builder.calibration.ground_test.load_entries import NO_LOAD_CELL, entry_of
 from builder.calibration.ground_test.load_test import KnownLoad, LoadErrors
 from builder.calibration.ground_test.load_test_file import WrittenCase, WrittenStep, write_load_test
 from builder.structure.as_built.as_built_vehicle import AsBuilt
+from builder.structure.as_built.displaced_structure import AnyAsBuilt
 from builder.structure.as_built_kinds import OF_LOADS
 from builder.structure.loads.applied import Load
-from builder.vehicle.gauges.layout import GaugeLayout
 from strainfmu.arrays import FloatArray
 from strainfmu.files import write_bytes_atomically
 
@@ -32,19 +31,6 @@ WINDOW, BETWEEN = 25, 10
 """Samples of a case while the load stands, and until the next one stands."""
 
 CHANNELS_PER_CARD = 16
-
-
-class TestedStructure(Protocol):
-    """Whatever stands in the rig."""
-
-    @property
-    def gauges(self) -> GaugeLayout:
-        """Names of the gauges."""
-        ...
-
-    def reading(self, parameters: AsBuilt, loads: Sequence[Load]) -> FloatArray:
-        """Return what every gauge reads under loads that act together, zeros included, (n_d,) [m/m]."""
-        ...
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -79,7 +65,7 @@ class GroundTest:
 
 
 def simulate_ground_test(
-    structure: TestedStructure,
+    structure: AnyAsBuilt,
     parameters: AsBuilt,
     cases: Sequence[PlannedCase],
     errors: LoadErrors,
