@@ -217,7 +217,10 @@ class Evidence:
 
     def _of_terms(self, cause: Cause) -> float:
         b, a, _ = self._terms(cause)
-        return 0.5 * float(b @ np.linalg.solve(a, b) - np.linalg.slogdet(a)[1])
+        size = np.linalg.solve(a, b)
+        if cause.kind == "mass" and size[0] <= 0.0:  # none hangs upwards
+            return -np.inf
+        return 0.5 * float(b @ size - np.linalg.slogdet(a)[1])
 
     def _terms(self, cause: Cause) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return b and A of the module's formula, and the standard deviations that the columns are scaled by."""
