@@ -108,20 +108,20 @@ class RunLengths:
     def __init__(self, n: int) -> None:
         self.carried = np.zeros(n, dtype=np.int64)
 
-    def skip(self, same: BoolArray) -> None:
-        """Go on behind a block of which no lengths are asked; ``same`` (k, n) as of :meth:`take`."""
-        since = np.argmin(same[::-1], axis=0)
-        self.carried = np.where(same.all(axis=0), self.carried + len(same), since)
-
-    def take(self, same: BoolArray, following: BoolArray) -> IntArray:
+    def take(self, same: BoolArray, following: BoolArray, least: FloatArray | float = 0.0) -> IntArray:
         """Return (k, n) how many repetitions there are in the run to which each row of a block belongs.
 
         Parameters
         ----------
         same : (k, n) whether the rows of the block repeat the row before.
         following : (m, n) the same of rows of the next block, as far as runs are followed into it.
+        least : (n,) length that counts; where none reaches half of it in the block, 0 is returned throughout.
         """
-        both, k = np.vstack([same, following]), len(same)
+        k = len(same)
+        if not same.any() or not np.any(np.count_nonzero(same, axis=0) + self.carried >= 0.5 * least):
+            self.carried = np.where(same.all(axis=0), self.carried + k, np.argmin(same[::-1], axis=0))
+            return np.broadcast_to(np.int64(0), same.shape)
+        both = np.vstack([same, following])
         row = np.arange(len(both))[:, None]
         begin = np.maximum.accumulate(np.where(both, -1, row), axis=0)
         so_far = np.where(begin >= 0, row - begin, self.carried + row + 1)
@@ -163,6 +163,7 @@ class DataChecks:
         self._of_gauges, self._of_rows = RunLengths(len(self._names)), RunLengths(1)
         self._held, self._zeros = FaultRows(), FaultRows()
         self._same: BoolArray | None = None
+        self._sizes: FloatArray = np.empty((0, 0))
         self._rows, self._known = 0, Counter[str]()
         factor, pressure = selection.strain_factor, selection.pressure_name
         self._level = LevelCheck(selection.path, self._reference, factor, not self.accepts_level, pressure)
@@ -227,8 +228,7 @@ class DataChecks:
         """
         same = repeated(block.strain, np.full(len(self._names), inf)) if self._same is None else self._same
         same_next = same[:0] if following is None else repeated(following.strain, block.strain[-1])
-        self._same = same_next
-        strain, known = block.strain, np.isfinite(block.strain)
+        self._same, strain, known = same_next, block.strain, np.isfinite(block.strain)
         if not known.all():
             missing = zip(self._names, (len(known) - np.count_nonzero(known, axis=0)).tolist(), strict=True)
             self.missing.update({name: k for name, k in missing if k and name not in self.selection.excluded})
@@ -241,22 +241,17 @@ class DataChecks:
         if not self._rows:  # nothing shows that the first row of the file is new
             row_same[0] = True
         is_held = row_same & ~zero & (runs >= _longest_of_all(longest[known.any(axis=0)]))
-        flown = flown_pressure(block.flow)
-        bearable = self._bearable(flown)
-        alone, railed = same & known & ~of_rows[:, None] if same.any() else same, np.zeros_like(same)
-        dead = railed
+        alone, following_alone = same & known & ~of_rows[:, None], same_next & ~next_rows[:, None]
         limit = np.maximum(SHORTEST_RAILED, -log(_RARE) * longest)
-        may_stand_still = np.any(np.count_nonzero(alone, axis=0) + self._of_gauges.carried >= 0.5 * limit)
-        size = self._size(strain)
+        stands_still = self._of_gauges.take(alone, following_alone, limit) >= limit
+        flown, size = flown_pressure(block.flow), self._size(strain)
+        bearable = self._bearable(flown)
         most = np.minimum(bearable, self._reference.sensor_range - self._largest_zero)
-        is_bearable = not np.any(np.fmax.reduce(size, axis=1) > most)
-        if may_stand_still or not is_bearable:
+        railed = dead = np.zeros_like(same)
+        if stands_still.any() or np.any(np.fmax.reduce(size, axis=1) > most):
             is_sound = ~(zero | is_held)[:, None]
-            stands_still = self._of_gauges.take(alone, same_next & ~next_rows[:, None]) >= limit
             railed = self._is_railed(strain, size, bearable, stands_still) & is_sound
             dead = stands_still & known & ~railed & is_sound
-        else:
-            self._of_gauges.skip(alone)
         self._rows += len(block.time)
         marked = self._marked(block, is_held=is_held, zero=zero, railed=railed, dead=dead)
         self._level.add(size if marked.strain is strain else self._size(marked.strain), flown)
@@ -265,8 +260,10 @@ class DataChecks:
         return marked
 
     def _size(self, strain: FloatArray) -> FloatArray:
-        """Return (n, n_d) sizes of strains without their zeros."""
-        return np.abs(strain - self.zero if self._largest_zero else strain)
+        """Return (n, n_d) sizes of strains without their zeros, in memory that the next call takes again."""
+        if self._sizes.shape != strain.shape:
+            self._sizes = np.empty_like(strain)
+        return np.abs(strain - self.zero if self._largest_zero else strain, out=self._sizes)
 
     def _marked(
         self, block: Samples, *, is_held: BoolArray, zero: BoolArray, railed: BoolArray, dead: BoolArray

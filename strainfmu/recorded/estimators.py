@@ -381,10 +381,10 @@ class MapBlocks(BlockEstimator):
 
         Gauges are looked at in the samples alone whose health is not OK, with which they take twice the time.
         """
-        n, values = len(estimate), dict[str, FloatArray]()
-        for columns, values_of in self._series:
-            series = zip(columns, values_of(estimate, smoothed_loads or estimate), strict=True)
-            values |= {name: np.asarray(column, dtype=float) for (name, _), column in series}
+        n, loads = len(estimate), smoothed_loads or estimate
+        # Columns of a record lie apart; each is read many times from here on.
+        series = np.array([column for _, of in self._series for column in of(estimate, loads)], dtype=float)
+        values = dict(zip((name for columns, _ in self._series for name, _ in columns), series, strict=True))
         estimates = None if smoothed_loads is not None else estimate
         rows = np.flatnonzero(estimate.health != HealthState.OK)
         suspects, worst = [""] * n, list[tuple[str, float]]()

@@ -224,7 +224,8 @@ def _hdf5(
         with h5py.File(guarded, "w", rdcc_nbytes=_RETAINED) as file:
             file.attrs.update(attributes)
             table = yield
-            layout = {"maxshape": (None,), "chunks": (1 if table is None else len(table[0]),)}
+            chunk = 1 if table is None else len(table[0])
+            layout = {"maxshape": (None,), "chunks": (chunk,)}
 
             def data_set(name: str, kind: object) -> h5py.Dataset:
                 return file.create_dataset(name.replace("/", _SLASH), (0,), dtype=kind, **layout)
@@ -237,7 +238,13 @@ def _hdf5(
                 end = rows + len(table[0])
                 for item, values in zip(items, table, strict=True):
                     item.resize((end,))
-                    if not isinstance(values, list) or any(values):
+                    if isinstance(values, list):
+                        if texts_in := [row for row, text in enumerate(values) if text]:
+                            first, behind = texts_in[0], texts_in[-1] + 1
+                            item[rows + first : rows + behind] = values[first:behind]
+                    elif len(values) == chunk and rows % chunk == 0:  # as it is, in a fifth of the time
+                        item.id.write_direct_chunk((rows,), values)
+                    else:
                         item[rows:] = values
                 guarded.raise_error()
                 rows, table = end, (yield)

@@ -7,6 +7,7 @@ at most :data:`MAX_BINS` of them: when there are more, two become one.
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import groupby
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -25,6 +26,7 @@ from strainfmu.interface.estimator_variables import LOADS
 from strainfmu.interface.health_names import ENVELOPE_SCORE, STATE, USABLE
 from strainfmu.recorded.checks import DataChecks
 from strainfmu.recorded.estimators import BlockEstimates
+from strainfmu.recorded.names import TIME
 from strainfmu.recorded.outputs import ENVELOPE_SCORE_LIMIT
 from strainfmu.recorded.samples import Gaps, Samples
 from strainfmu.records import brief
@@ -39,8 +41,9 @@ MAX_PERIODS = 200
 REFUSED = "refused"
 """Stands for the state of samples that an FMU refused."""
 
-_ANGLES = ("angle_of_attack", "sideslip_angle")
-_SHOWN = (*LOADS, *(f"air_data.{name}" for name in _ANGLES))
+_ANGLES = ("air_data.angle_of_attack", "air_data.sideslip_angle")
+_SHOWN = tuple(f"{sigma}{name}" for name in (*LOADS, *_ANGLES) for sigma in ("", SIGMA))
+"""Columns that the course shows, where an estimator gives them."""
 
 COLOURS = {
     HealthState.OK.name: "#2c7a3f",
@@ -100,18 +103,19 @@ class History:
     further: int = 0
     misfits: dict[str, Misfit] = field(default_factory=dict)
     _per_bin: int = 1
+    _names: tuple[str, ...] = ()
     _bins: list[FloatArray] = field(default_factory=list)
     _rest: list[FloatArray] = field(default_factory=list)
 
     def add(self, block: Samples, estimates: BlockEstimates) -> None:
         """Take the samples of a block."""
-        unknown, values = np.full(len(block.time), np.nan), estimates.values
+        values, pressure = estimates.values, block.dynamic_pressure
         health = np.nan_to_num(values[STATE], nan=-1.0).astype(int)
         usable = values[USABLE] > 0.0
-        pressure = values.get(f"air_data.{DYNAMIC_PRESSURE}", unknown)
-        shown_pressure = np.where(np.isnan(block.dynamic_pressure), pressure, block.dynamic_pressure)
-        shown = (values.get(f"{sigma}{name}", unknown) for name in _SHOWN for sigma in ("", SIGMA))
-        self._collect(np.column_stack([block.time, shown_pressure, _RANKS[health], *shown]))
+        if (estimated := values.get(f"air_data.{DYNAMIC_PRESSURE}")) is not None:
+            pressure = np.where(np.isnan(pressure), estimated, pressure)
+        shown = {name: values[name] for name in _SHOWN if name in values}
+        self._collect({TIME: block.time, DYNAMIC_PRESSURE: pressure, STATE: _RANKS[health], **shown})
         for name, peak in self.peaks.items():
             size = np.where(usable, np.abs(values[name]), np.nan)
             if not (largest := np.fmax.reduce(size)) <= abs(peak.value) and largest >= 0.0:
@@ -124,19 +128,19 @@ class History:
             samples, most = self.misfits.get(gauge, Misfit())
             self.misfits[gauge] = Misfit(samples + 1, max(most, residual))
 
-    def _collect(self, rows: FloatArray) -> None:
-        """Collect rows (n, n_c) in bins: (3, n_c) smallest, mean and largest of each."""
-        rows = np.vstack([*self._rest, rows])
-        complete = len(rows) - len(rows) % self._per_bin
-        self._rest = [rows[complete:]]
+    def _collect(self, columns: Mapping[str, FloatArray]) -> None:
+        """Collect columns (n,) in bins, (3, n_c, m): smallest, mean and largest of each column in each bin."""
+        self._names = tuple(columns)
+        rows = np.hstack([*self._rest, np.array([*columns.values()])])
+        complete = rows.shape[1] - rows.shape[1] % self._per_bin
+        self._rest = [rows[:, complete:]]
         if complete:
-            parts = rows[:complete].reshape(-1, self._per_bin, rows.shape[1])
+            parts = rows[:, :complete].reshape(len(rows), -1, self._per_bin)
             self._bins.append(_reduced(parts, parts, parts))
-        if sum(map(len, self._bins)) > 2 * MAX_BINS:
-            bins = np.concatenate(self._bins)
-            even = len(bins) - len(bins) % 2
-            pairs = bins[:even].reshape(-1, 2, *bins.shape[1:])
-            self._bins = [_reduced(pairs[:, :, 0], pairs[:, :, 1], pairs[:, :, 2]), bins[even:]]
+        if sum(bins.shape[-1] for bins in self._bins) > 2 * MAX_BINS:
+            bins = np.concatenate(self._bins, axis=-1)
+            even = bins.shape[-1] - bins.shape[-1] % 2
+            self._bins = [_reduced(*bins[..., :even].reshape(3, len(rows), -1, 2)), bins[..., even:]]
             self._per_bin *= 2
 
     def _add_periods(self, time: FloatArray, health: Any) -> None:
@@ -156,10 +160,11 @@ class History:
                 self.further += 1
 
     @property
-    def bins(self) -> FloatArray:
-        """(n, 3, n_c) smallest, mean and largest of each quantity in each bin."""
-        rest = [_reduced(rows[None], rows[None], rows[None]) for rows in self._rest if len(rows)]
-        return np.concatenate([*self._bins, *rest])
+    def bins(self) -> dict[str, FloatArray]:
+        """(3, n) smallest, mean and largest in each bin of time, dynamic pressure, rank of health, and loads."""
+        rest = [_reduced(rows[:, None], rows[:, None], rows[:, None]) for rows in self._rest if rows.size]
+        bins = np.concatenate([*self._bins, *rest], axis=-1)
+        return {name: bins[:, i] for i, name in enumerate(self._names)}
 
     def plot(self, which: str = "all", width: float = 9.0) -> Figure:
         """Return a figure of the flight: five loads with 3 sigma, angles, dynamic pressure, health as a band.
@@ -174,30 +179,25 @@ class History:
         StrainfmuError
             matplotlib is not installed.
         """
-        bins = self.bins
-        curves = [] if which == "state" else [self._column(bins, name) for name in LOADS]
-        labels = [f"{load.label} [{load.unit.replace('.', ' ')}]" for load in LOADS.values()][: len(curves)]
+        bins, curves = self.bins, dict[str, FloatArray]()
+        if which != "state":
+            for name, load in LOADS.items():
+                curves[f"{load.label} [{load.unit.replace('.', ' ')}]"] = _band(bins, name)
         if which != "loads":
-            angles = {name: np.degrees(self._column(bins, f"air_data.{name}")) for name in _ANGLES}
-            known = {name: curve for name, curve in angles.items() if np.isfinite(curve).any()}
-            curves += [*known.values(), 1e-3 * bins[:, [1, 1, 1], 1]]
-            labels += [f"{name.replace('_angle', '').replace('_', ' ')} [deg]" for name in known] + ["q [kPa]"]
+            for name in filter(bins.__contains__, _ANGLES):
+                if np.isfinite(angle := np.degrees(_band(bins, name))).any():
+                    label = name.removeprefix("air_data.").replace("_angle", "").replace("_", " ")
+                    curves[f"{label} [deg]"] = angle
+            curves["q [kPa]"] = 1e-3 * bins[DYNAMIC_PRESSURE][[1, 1, 1]]
         n, module = len(curves) + 1, library("matplotlib.figure", "matplotlib", "report")
         figure: Figure = module.Figure(figsize=(width, 1.45 * n + 0.6), layout="constrained")
         axes = figure.subplots(n, 1, sharex=True, height_ratios=[*[1.0] * (n - 1), 0.35])
-        time = bins[:, 1, 0]
-        for axis, curve, label in zip(axes, curves, labels, strict=False):
+        time = bins[TIME][1]
+        for axis, (label, curve) in zip(axes, curves.items(), strict=False):
             _draw(axis, time, curve, label)
-        _draw_health(axes[-1], time, bins[:, :, 2])
+        _draw_health(axes[-1], time, bins[STATE][2])
         axes[-1].set_xlabel("time [s]")
         return figure
-
-    @staticmethod
-    def _column(bins: FloatArray, name: str) -> FloatArray:
-        """Return (n, 3) smallest less, mean, largest of a quantity, with 3 sigma at both ends."""
-        i = 3 + 2 * _SHOWN.index(name)
-        value, sigma = bins[:, :, i], bins[:, 2, i + 1]
-        return np.column_stack([value[:, 0] - 3.0 * sigma, value[:, 1], value[:, 2] + 3.0 * sigma])
 
 
 @dataclass(kw_only=True)
@@ -298,33 +298,38 @@ class EstimationSummary:
 
 
 def _reduced(low: FloatArray, mean: FloatArray, high: FloatArray) -> FloatArray:
-    """Return (n, 3, n_c) smallest, mean and largest of (n, k, n_c); the first time, NaN where all are."""
+    """Return (3, n_c, n) smallest, mean and largest of (n_c, n, k); NaN where all are."""
     with np.errstate(all="ignore"):
-        ends = np.fmin.reduce(low, axis=1), np.fmax.reduce(high, axis=1)
         known = np.isfinite(mean)
-        middle = np.where(known, mean, 0.0).sum(axis=1) / known.sum(axis=1)
-    return np.stack([ends[0], middle, ends[1]], axis=1)
+        middle = np.where(known, mean, 0.0).sum(axis=2) / known.sum(axis=2)
+        return np.stack([np.fmin.reduce(low, axis=2), middle, np.fmax.reduce(high, axis=2)])
+
+
+def _band(bins: Mapping[str, FloatArray], name: str) -> FloatArray:
+    """Return (3, n) smallest less, mean, largest of a quantity, with 3 sigma at both ends."""
+    (low, mean, high), sigma = bins[name], bins[f"{SIGMA}{name}"][2]
+    return np.array([low - 3.0 * sigma, mean, high + 3.0 * sigma])
 
 
 def _draw(axis: Any, time: FloatArray, values: FloatArray, label: str) -> None:
-    """Draw a quantity (n, 3) with its band; no line is drawn in a gap."""
+    """Draw a quantity (3, n) with its band; no line is drawn in a gap."""
     steps = np.diff(time)
     gaps = np.flatnonzero(steps > 5.0 * np.median(steps)) + 1 if len(steps) else np.empty(0, dtype=int)
     time = np.insert(time, gaps, 0.5 * (time[gaps - 1] + time[gaps]))
-    values = np.insert(values, gaps, np.nan, axis=0)
-    axis.fill_between(time, values[:, 0], values[:, 2], color="#9ecae1", linewidth=0.0)
-    axis.plot(time, values[:, 1], color="#08519c", linewidth=0.9)
+    low, mean, high = np.insert(values, gaps, np.nan, axis=1)
+    axis.fill_between(time, low, high, color="#9ecae1", linewidth=0.0)
+    axis.plot(time, mean, color="#08519c", linewidth=0.9)
     axis.set_ylabel(label, fontsize="small")
     axis.grid(alpha=0.3)
 
 
 def _draw_health(axis: Any, time: FloatArray, states: FloatArray) -> None:
-    """Draw the states as a band, by their largest rank (n, 3) in each bin."""
+    """Draw the states as a band, by their largest rank (n,) in each bin."""
     from matplotlib.patches import Patch
 
     step = float(np.median(np.diff(time))) if len(time) > 1 else 1.0
     first, patches = 0, dict[str, Any]()
-    for rank, same in groupby(states[:, 2].astype(int).tolist()):
+    for rank, same in groupby(states.astype(int).tolist()):
         n, name = len(list(same)), _NAMES[rank]
         rows = time[first : first + n]
         for part in np.split(rows, np.flatnonzero(np.diff(rows) > 5.0 * step) + 1):

@@ -133,8 +133,8 @@ def test_the_course_of_a_flight_is_bounded(flight: Flight, synthetic: SyntheticF
         assert (peak.value, peak.sigma) == (read[name][0][row], read[f"sigma.{name}"][0][row])
         assert peak.time == pytest.approx(read["time"][0][row])
     assert [(period.state, period.samples) for period in history.periods] == [("NO_COEFFICIENTS", 1)]
-    assert history.bins.shape[0] <= 2 * MAX_BINS
-    assert np.nanmin(history.bins[:, 0, 0]) == 0.0
+    assert history.bins["time"].shape[1] <= 2 * MAX_BINS
+    assert np.nanmin(history.bins["time"][0]) == 0.0
     figure = summary.plot()
     labels = [axis.get_ylabel() for axis in figure.axes]
     assert labels[:5] == [f"{load.label} [{load.unit.replace('.', ' ')}]" for load in LOADS.values()]
