@@ -88,7 +88,7 @@ _FLOW_UNITS = {quantity.name: quantity.unit for quantity in SAMPLE_INPUTS[1:]}
 _SLASH = "%2F"
 
 _COLLECTED_ROWS = 32768
-"""Rows that are written at once, a chunk in HDF5: each call costs as much as thousands of rows."""
+"""Rows that are written at once, at least."""
 
 _RETAINED = 1 << 16
 """Bytes of each column that HDF5 may retain, less than a chunk, which is written whole; by default 8 MiB."""
@@ -147,9 +147,7 @@ def other_outputs_of(outputs: Iterable[tuple[str, str]]) -> dict[str, Column]:
         for name, unit in outputs
         if column_of(name) or name.startswith(_OTHER_PREFIXES)
     }
-    if any(map(column_of, extra)):
-        return dict(sorted(extra.items(), key=lambda item: item[0].startswith(SIGMA)))
-    return extra
+    return dict(sorted(extra.items(), key=lambda item: bool(column_of(item[0])) and item[0].startswith(SIGMA)))
 
 
 # --- files -------------------------------------------------------------------------------------------------------
@@ -159,10 +157,15 @@ Parts = Generator[None, Any, None]
 
 
 class PartsWriter:
-    """Writes parts to a file; ``path`` is the file that messages name."""
+    """Writes parts to a file; ``path`` is the file that messages name.
 
-    def __init__(self, path: Path, parts: Parts) -> None:
-        self.path, self._parts = path, parts
+    Of estimates ``least`` rows or more are written at once: each call costs as much as thousands of rows, and the
+    first ones are a chunk in HDF5. Behind ``numbers`` columns of numbers stand columns of text.
+    """
+
+    def __init__(self, path: Path, parts: Parts, numbers: int = 0, least: int = 0) -> None:
+        self.path, self._parts, self._numbers, self._least = path, parts, numbers, least
+        self._rows = list[Any]()
         next(parts)
 
     def write(self, part: Any) -> None:
@@ -174,10 +177,22 @@ class PartsWriter:
             The file cannot be written.
         """
         with writing(self.path):
-            self._parts.send(part)
+            if not self._least:
+                self._parts.send(part)
+                return
+            self._rows.append(part)
+            if sum(len(rows[0]) for rows in self._rows) >= self._least:
+                self._send_rows()
+
+    def _send_rows(self) -> None:
+        n, columns = self._numbers, [*zip(*self._rows, strict=True)]
+        self._rows.clear()
+        self._parts.send([*map(np.concatenate, columns[:n]), *([*chain(*texts)] for texts in columns[n:])])
 
     def finish(self) -> None:
         """Write what is missing and bring all to the disk; raises OSError if it cannot."""
+        if self._rows:
+            self._send_rows()
         with suppress(StopIteration):
             self._parts.send(None)
 
@@ -284,30 +299,6 @@ _CONTAINERS = {".csv": _csv, ".h5": _hdf5, ".hdf5": _hdf5, ".parquet": _parquet,
 OUTPUT_SUFFIXES = tuple(_CONTAINERS)
 
 
-def _collected(parts: Parts, n: int, least: int) -> Parts:
-    """Give rows on that are ``least`` or more; behind ``n`` columns of numbers stand columns of text."""
-
-    def send() -> None:
-        columns = [*zip(*collected, strict=True)]
-        numbers = [np.concatenate(column) for column in columns[:n]]
-        parts.send([*numbers, *([*chain(*column)] for column in columns[n:])])
-        collected.clear()
-
-    next(parts)
-    collected = list[Any]()
-    try:
-        while (part := (yield)) is not None:
-            collected.append(part)
-            if sum(len(part[0]) for part in collected) >= least:
-                send()
-        if collected:
-            send()
-        with suppress(StopIteration):
-            parts.send(None)
-    finally:
-        parts.close()
-
-
 def check_output(path: Path) -> None:
     """Refuse an output of another kind before any work begins.
 
@@ -341,7 +332,7 @@ def estimate_writer(
 
     def opened(temporary: Path) -> PartsWriter:
         parts = _CONTAINERS[suffix](temporary, columns, text_columns, stated)
-        return PartsWriter(path, _collected(parts, len(columns), 1 if suffix == ".csv" else _COLLECTED_ROWS))
+        return PartsWriter(path, parts, len(columns), 1 if suffix == ".csv" else _COLLECTED_ROWS)
 
     return whole_file(path, opened)
 

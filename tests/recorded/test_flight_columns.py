@@ -8,7 +8,6 @@ import h5py
 import numpy as np
 import pytest
 from flight_maps import ROWS, STATIONS, exact_response, flight_map
-from recorded_case import read_csv
 from scaled_maps import scaled_map
 from synthetic_vehicle import SyntheticFiles
 
@@ -16,7 +15,6 @@ from strainfmu.cosim.estimators.source import open_step
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import save_inverse_map
 from strainfmu.flight_condition import FlightCondition
-from strainfmu.fmu.export import ExportOptions, export_estimator
 from strainfmu.recorded.run import estimate_file
 
 pytestmark = pytest.mark.fast
@@ -66,20 +64,6 @@ def test_air_data_are_columns(map_path: Path, tmp_path: Path) -> None:
         assert np.all(file["identified.air_data.total_incidence"][()] == 1.0)
     true = np.array([one.angle_of_attack for one in flights()])
     assert np.all(np.abs(angle - true) < 4.0 * std)
-
-
-def test_an_fmu_has_the_columns_of_its_map(map_path: Path, tmp_path: Path) -> None:
-    export_estimator(map_path, tmp_path / "e.fmu", ExportOptions())
-    data, found = write_table(tmp_path / "flight.csv"), []
-    for source in (map_path, tmp_path / "e.fmu"):
-        estimate_file(source, data, tmp_path / "out.csv", check_level=False)
-        found.append(read_csv(tmp_path / "out.csv"))
-    of_map, of_fmu = found
-    assert list(of_fmu) == list(of_map)
-    own = [name for name in of_map if "air_data" in name or "navigation_used" in name or "linear_loads" in name]
-    assert len(own) == 3 * 7 + 3 + 1
-    for name in own:
-        np.testing.assert_allclose(of_fmu[name], of_map[name], rtol=1e-8, atol=1e-12, err_msg=name)
 
 
 def test_a_map_with_tables_steps_from_the_last_state(map_path: Path) -> None:

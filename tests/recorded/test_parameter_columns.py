@@ -54,14 +54,6 @@ def test_health_and_scores(folder: Path, source: str) -> None:
     assert "most often to blame: 'fin_deg' (in 2)" in "\n".join(summary.health_lines())
 
 
-def test_columns_are_in_one_order(folder: Path) -> None:
-    order = []
-    for source in ("map.h5", "e.fmu"):
-        estimated(folder, source)
-        order.append(list(read_csv(folder / "o.csv")))
-    assert order[0] == order[1]
-
-
 def test_a_filter_keeps_the_health(folder: Path) -> None:
     estimated(folder, "map.h5", time_constant=0.01)
     assert [HealthState(int(one)) for one in read_csv(folder / "o.csv")["health.state [1]"]] == STATES

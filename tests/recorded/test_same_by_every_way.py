@@ -1,6 +1,6 @@
-"""One recording of everything that a map knows of: what suits which estimator, and its zero offsets.
+"""One recording of everything that a map knows of: columns of map, FMU and filter, and its zero offsets.
 
-That map and FMU give the same estimates of a recording is held by tests/golden.
+That map and FMU give the same numbers is held by tests/golden.
 """
 
 from __future__ import annotations
@@ -14,11 +14,12 @@ from flight_fmu import whole_map
 from flight_maps import exact_response
 from other_load_maps import with_further_tables, with_own_further
 from parameter_maps import PARAMETERS, with_parameter_tables, with_parameters
-from recorded_case import write_csv
+from recorded_case import read_csv, write_csv
 from scaled_maps import NOMINAL, scaled_map
 from sensor_maps import ROWS, with_sensors
 from thermal_maps import REFERENCE, with_temperature
 
+from strainfmu.estimator.air_inputs import AIR_DATA_NAMES
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import (
     InverseMap,
@@ -26,6 +27,7 @@ from strainfmu.estimator.map.inverse_map import (
     save_inverse_map,
 )
 from strainfmu.estimator.map.validity import flow_parameters
+from strainfmu.fmu.export import export_estimator
 from strainfmu.interface.sensor_variables import identifier
 from strainfmu.recorded.run import estimate_file
 from strainfmu.recorded.tare_window import tare
@@ -110,6 +112,23 @@ def test_a_recording_for_the_nonlinear_estimator_suits_the_linear_one(case: tupl
     folder, held = case
     summary = estimate_file(folder / "map.h5", folder / "d.csv", folder / "o.h5")
     assert set(summary.unused) == ({*OF_NONLINEAR, "static_pressure"} if held.manifold is None else set())
+
+
+def test_fmu_and_filter_have_the_columns_of_their_map(case: tuple[Path, InverseMap]) -> None:
+    folder, held = case
+    export_estimator(folder / "map.h5", folder / "e.fmu")
+    by_map, by_fmu, by_filter = (
+        estimated_columns(folder, source, time_constant)
+        for source, time_constant in (("map.h5", None), ("e.fmu", None), ("map.h5", 0.01))
+    )
+    assert by_map == by_fmu == by_filter
+    assert sum(name.startswith(("section.", "sigma.section.")) for name in by_map) > 0
+    assert sum("air_data." in name for name in by_map) == (0 if held.manifold is None else 3 * len(AIR_DATA_NAMES))
+
+
+def estimated_columns(folder: Path, source: str, time_constant: float | None) -> list[str]:
+    estimate_file(folder / source, folder / "d.csv", folder / "o.csv", time_constant=time_constant)
+    return list(read_csv(folder / "o.csv"))
 
 
 def test_a_map_on_file_keeps_the_order_of_its_parameters(case: tuple[Path, InverseMap]) -> None:
