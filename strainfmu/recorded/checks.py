@@ -243,12 +243,14 @@ class DataChecks:
         is_held = row_same & ~zero & (runs >= _longest_of_all(longest[known.any(axis=0)]))
         alone, following_alone = same & known & ~of_rows[:, None], same_next & ~next_rows[:, None]
         limit = np.maximum(SHORTEST_RAILED, -log(_RARE) * longest)
-        stands_still = self._of_gauges.take(alone, following_alone, limit) >= limit
         flown, size = flown_pressure(block.flow), self._size(strain)
         bearable = self._bearable(flown)
         most = np.minimum(bearable, self._reference.sensor_range - self._largest_zero)
-        railed = dead = np.zeros_like(same)
-        if stands_still.any() or np.any(np.fmax.reduce(size, axis=1) > most):
+        is_bearable = not np.any(np.fmax.reduce(size, axis=1) > most)
+        runs = self._of_gauges.take(alone, following_alone, limit if is_bearable else 0.0)
+        stands_still, railed = runs >= limit, np.zeros_like(same)
+        dead = railed
+        if stands_still.any() or not is_bearable:
             is_sound = ~(zero | is_held)[:, None]
             railed = self._is_railed(strain, size, bearable, stands_still) & is_sound
             dead = stands_still & known & ~railed & is_sound
