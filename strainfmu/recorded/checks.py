@@ -108,17 +108,17 @@ class RunLengths:
     def __init__(self, n: int) -> None:
         self.carried = np.zeros(n, dtype=np.int64)
 
-    def take(self, same: BoolArray, following: BoolArray, least: FloatArray | float = 0.0) -> IntArray:
+    def take(self, same: BoolArray, following: BoolArray, shortest: FloatArray | float = 0.0) -> IntArray:
         """Return (k, n) how many repetitions there are in the run to which each row of a block belongs.
 
         Parameters
         ----------
         same : (k, n) whether the rows of the block repeat the row before.
         following : (m, n) the same of rows of the next block, as far as runs are followed into it.
-        least : (n,) length that counts; where none reaches half of it in the block, 0 is returned throughout.
+        shortest : (n,) run that counts; where no run reaches half of it in the block, all lengths are 0.
         """
         k = len(same)
-        if not same.any() or not np.any(np.count_nonzero(same, axis=0) + self.carried >= 0.5 * least):
+        if not same.any() or not np.any(np.count_nonzero(same, axis=0) + self.carried >= 0.5 * shortest):
             self.carried = np.where(same.all(axis=0), self.carried + k, np.argmin(same[::-1], axis=0))
             return np.broadcast_to(np.int64(0), same.shape)
         both = np.vstack([same, following])

@@ -88,7 +88,7 @@ _FLOW_UNITS = {quantity.name: quantity.unit for quantity in SAMPLE_INPUTS[1:]}
 _SLASH = "%2F"
 
 _COLLECTED_ROWS = 32768
-"""Rows that are written at once, at least."""
+"""Rows that are written at once, or more."""
 
 _RETAINED = 1 << 16
 """Bytes of each column that HDF5 may retain, less than a chunk, which is written whole; by default 8 MiB."""
@@ -159,12 +159,12 @@ Parts = Generator[None, Any, None]
 class PartsWriter:
     """Writes parts to a file; ``path`` is the file that messages name.
 
-    Of estimates ``least`` rows or more are written at once: each call costs as much as thousands of rows, and the
+    Of estimates ``rows_at_once`` or more are written in a call: each costs as much as thousands of rows, and the
     first ones are a chunk in HDF5. Behind ``numbers`` columns of numbers stand columns of text.
     """
 
-    def __init__(self, path: Path, parts: Parts, numbers: int = 0, least: int = 0) -> None:
-        self.path, self._parts, self._numbers, self._least = path, parts, numbers, least
+    def __init__(self, path: Path, parts: Parts, numbers: int = 0, rows_at_once: int = 0) -> None:
+        self.path, self._parts, self._numbers, self._at_once = path, parts, numbers, rows_at_once
         self._rows = list[Any]()
         next(parts)
 
@@ -177,11 +177,11 @@ class PartsWriter:
             The file cannot be written.
         """
         with writing(self.path):
-            if not self._least:
+            if not self._at_once:
                 self._parts.send(part)
                 return
             self._rows.append(part)
-            if sum(len(rows[0]) for rows in self._rows) >= self._least:
+            if sum(len(rows[0]) for rows in self._rows) >= self._at_once:
                 self._send_rows()
 
     def _send_rows(self) -> None:
