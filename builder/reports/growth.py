@@ -116,7 +116,7 @@ def bench_structure(
 
     Parameters
     ----------
-    structure : vehicle file whose structure is timed. Not with ``mesh``, ``worst``, ``peers``.
+    structure : vehicle file whose structure is timed. Not with ``mesh``, ``gauges``, ``worst``, ``peers``.
     solver : with ``structure`` or ``mesh``: solvers. Default: cyclic.
     largest : with ``structure``: largest number of degrees of freedom.
 

@@ -341,8 +341,8 @@ def bench_meshes(
 
     Parameters
     ----------
-    mesh : vehicle file whose meshes are compared. Not with ``structure``, ``worst``, ``peers``.
-    snapshots : with ``mesh``, required: snapshots.h5 of ``strainfmu build``.
+    mesh : vehicle file whose meshes are compared. Not with ``structure``, ``gauges``, ``worst``, ``peers``.
+    snapshots : with ``mesh`` or ``gauges``, required: snapshots.h5 of ``strainfmu build``.
     output : with ``mesh``: table to write (CSV).
     solver : solver. Default: the fitting one of each mesh.
 

@@ -56,6 +56,8 @@ def bench(folder: str | PathLike[str] = "demo") -> dict[str, float]:
 
     ``structure``: time and memory of the three-dimensional structure, size by size.
 
+    ``gauges``: what the same vehicle costs with more and more gauges.
+
     On the command line::
 
         strainfmu bench demo
@@ -63,6 +65,7 @@ def bench(folder: str | PathLike[str] = "demo") -> dict[str, float]:
         strainfmu bench --mesh my_vehicle.toml --snapshots results/snapshots.h5
         strainfmu bench demo --worst
         strainfmu bench demo --peers
+        strainfmu bench --gauges my_vehicle.toml --snapshots results/snapshots.h5
 
     Parameters
     ----------

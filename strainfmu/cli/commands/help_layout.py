@@ -59,7 +59,7 @@ PAGES = {name: page for commands in COMMANDS.values() for name, (_, page) in com
 FUNCTIONS: dict[str, tuple[str, ...]] = {
     "bench": (
         *("strainfmu.bench", "strainfmu.bench_worst", "strainfmu.bench_peers"),
-        *("builder.bench_structure", "builder.bench_meshes"),
+        *("builder.bench_structure", "builder.bench_meshes", "builder.bench_gauges"),
     ),
     "dbc": ("strainfmu.dbc", "strainfmu.dbc_template"),
     "estimate": ("strainfmu.estimate", "builder.write_flight_page"),
@@ -148,6 +148,7 @@ OPTIONS: dict[str, dict[str, tuple[str, ...]]] = {
     "bench": {
         "Structure": ("structure", "solver", "largest"),
         "Mesh": ("mesh", "snapshots", "output"),
+        "Gauges": ("gauges", "most", "growth"),
     },
 }
 """Panels of the options of a command; options in none of them stand in the first panel, *Options*."""
@@ -166,8 +167,10 @@ NEEDS: dict[str, dict[str, tuple[str, ...]]] = {
     "bench": {
         "solver": ("structure", "mesh"),
         "largest": ("structure",),
-        "snapshots": ("mesh",),
+        "snapshots": ("mesh", "gauges"),
         "output": ("mesh",),
+        "most": ("gauges",),
+        "growth": ("gauges",),
     },
 }
 """Options that are refused without one of others, by the names of the parameters."""
@@ -180,7 +183,7 @@ EXCLUDES: dict[str, tuple[tuple[str, ...], ...]] = {
     "loadtest": tuple((name, "template") for name in ("cases", "snapshots", *OPTIONS["loadtest"]["Loads"])),
     "structure": (("export_loads", "export_influence"),),
     **dict.fromkeys(("stress", "trial"), tuple((name, "inverse_map") for name in (*FILES, "estimator"))),
-    "bench": (("structure", "mesh", "worst", "peers"),),
+    "bench": (("structure", "mesh", "gauges", "worst", "peers"),),
 }
 """Options of which one at most is given, by the names of the parameters."""
 

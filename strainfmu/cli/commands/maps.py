@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,6 +20,7 @@ from strainfmu.cli.commands.printed import say
 from strainfmu.errors import InputError
 
 if TYPE_CHECKING:
+    from builder.reports.gauge_growth import GaugeRow
     from strainfmu.cli.peers import PeerRow
     from strainfmu.fmu.checks.worst_step import EventCost
 
@@ -73,6 +74,9 @@ def bench(
     mesh: Path | None,
     snapshots: Path | None,
     output: Path,
+    gauges: Path | None,
+    most: int,
+    growth: Path,
     worst: bool,
     peers: bool,
     random_steps: int,
@@ -82,13 +86,16 @@ def bench(
         return _show_peers(strainfmu.bench_peers(folder))
     if worst:
         return _show_worst_steps(strainfmu.bench_worst(folder, random_steps=random_steps), folder, random_steps)
-    if mesh is not None:
+    if snapshots is None and (mesh is not None or gauges is not None):
+        option = "--mesh" if mesh is not None else "--gauges"
+        raise InputError(
+            f"bench {option}: --snapshots FILE is missing: `strainfmu build VEHICLE` leaves snapshots.h5"
+        )
+    if gauges is not None and snapshots is not None:
+        return _show_gauges(builder.bench_gauges(gauges, snapshots, growth, most=most), growth)
+    if mesh is not None and snapshots is not None:
         from builder.reports.mesh_study import study_table
 
-        if snapshots is None:
-            raise InputError(
-                "bench --mesh: --snapshots FILE is missing: `strainfmu build VEHICLE` leaves snapshots.h5"
-            )
         only, reporter = solver[0] if solver else None, ConsoleReporter(Console())
         print(study_table(builder.bench_meshes(mesh, snapshots, output, solver=only, reporter=reporter)))
         return print(f"{output}: written")
@@ -108,6 +115,16 @@ def bench(
     for name, seconds in rows.items():
         table.add_row(name, f"{1e6 * seconds:.2f} us", f"{seconds / next(iter(rows.values())):.1f} x")
     Console().print(table)
+
+
+def _show_gauges(rows: Iterable[GaugeRow], growth: Path) -> None:
+    """Print what maps of more and more gauges cost, line by line."""
+    print(f"{'gauges':>6}  build s  load ms  step us  nonlinear  one lost  third lost  reading us  file MB")
+    for row in rows:
+        times = f"{row.build:>7.1f}  {1e3 * row.load:>7.2f}  {1e6 * row.linear:>7.1f}  {1e6 * row.nonlinear:>9.1f}"
+        lost = f"{1e6 * row.one_lost:>8.0f}  {1e6 * row.third_lost:>10.0f}"
+        print(f"{row.gauges:>6}  {times}  {lost}  {1e6 * row.reading:>10.1f}  {row.file:>7.2f}", flush=True)
+    print(f"{growth}, {growth.with_suffix('.png')}: written")
 
 
 def _show_peers(rows: Sequence[PeerRow]) -> None:

@@ -218,7 +218,10 @@ _SPELLINGS = {
     "workers": count(1, 1000),
     "zeros": value("TOML"),
     "bench.folder": argument(),
+    "bench.gauges": value("VEHICLE"),
+    "bench.growth": value("FILE"),
     "bench.mesh": value("VEHICLE"),
+    "bench.most": count(8, 2000),
     "bench.output": value("FILE", "-o", "--output"),
     "bench.random_steps": number(1, 10**7),
     "bench.structure": value("VEHICLE"),
@@ -322,9 +325,12 @@ FLAGS: dict[str, dict[str, tuple[bool, str]]] = {
     "bench": {
         "worst": (
             False,
-            "time the slowest steps of the native FMUs. Not with ``structure``, ``mesh``, ``peers``.",
+            "time the slowest steps of the native FMUs. Not with ``structure``, ``mesh``, ``gauges``, ``peers``.",
         ),
-        "peers": (False, "time other programs at the same work. Not with ``structure``, ``mesh``, ``worst``."),
+        "peers": (
+            False,
+            "time other programs at the same work. Not with ``structure``, ``mesh``, ``gauges``, ``worst``.",
+        ),
     },
     "demo": {"verbose": (False, "print stages, notes, detection thresholds and the list of files.")},
     "fly": {"figures": (True, "draw every run.")},
