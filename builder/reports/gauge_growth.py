@@ -101,9 +101,7 @@ def bench_gauges(
         A file is missing or wrong, or the vehicle's gauges are not at stations of meridians.
     """
     path, pressure, rows = Path(gauges), load_snapshots(snapshots), list[GaugeRow]()
-    build_map(
-        with_gauges(path, COUNTS[0]), snapshots=pressure
-    )  # functions are compiled, or loaded, ahead of the times
+    build_map(with_gauges(path, COUNTS[0]), snapshots=pressure)  # compiles, or loads, all functions
     for count in COUNTS:
         if count <= most:
             rows.append(gauge_row(with_gauges(path, count), pressure))
