@@ -23,7 +23,7 @@ from strainfmu.cosim.systems import recording
 from strainfmu.estimator.map import inverse_map
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.map.schema import entries, records_of
-from strainfmu.fmu.description import fmi2
+from strainfmu.fmu.description import model_description
 
 pytestmark = pytest.mark.fast
 
@@ -120,9 +120,9 @@ def test_theory_sends_the_objective_to_a_module_that_states_it() -> None:
     assert "minimises |L^-1 (d - m - A q)|^2" in getsource(import_module(row[1]))
 
 
-def test_the_module_of_fmi_2_states_both_kinds_of_its_fmus() -> None:
-    assert fmi2.__doc__ is not None
-    assert all(kind in fmi2.__doc__ for kind in ("co-simulation", "model exchange"))
+def test_the_module_of_the_model_description_states_both_kinds_of_fmus() -> None:
+    assert model_description.__doc__ is not None
+    assert all(kind in model_description.__doc__ for kind in ("co-simulation", "model exchange"))
 
 
 def _exists(dotted: str) -> bool:
