@@ -30,7 +30,7 @@ from builder.study import run_study as run_study
 from builder.reproduce.reproduction import reproduce_paper as reproduce_paper
 from builder.structure.loads.of_vehicle import known_strain as known_strain
 from builder.reports.mesh_study import bench_meshes as bench_meshes
-from builder.reports.gauge_growth import bench_gauges as bench_gauges
+from builder.pipeline.gauge_growth import bench_gauges as bench_gauges
 from builder.reports.growth import bench_structure as bench_structure
 from builder.figures.flight import flight_figures as flight_figures
 from builder.reports.flight_page import write_flight_page as write_flight_page

@@ -20,7 +20,7 @@ from strainfmu.cli.commands.printed import say
 from strainfmu.errors import InputError
 
 if TYPE_CHECKING:
-    from builder.reports.gauge_growth import GaugeRow
+    from builder.pipeline.gauge_growth import GaugeRow
     from strainfmu.cli.peers import PeerRow
     from strainfmu.fmu.checks.worst_step import EventCost
 

@@ -12,7 +12,7 @@ import pytest
 
 import builder
 from builder.campaign.snapshots import save_snapshots
-from builder.reports.gauge_growth import (
+from builder.pipeline.gauge_growth import (
     COUNTS,
     GaugeRow,
     growth_csv,
