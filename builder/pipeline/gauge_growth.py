@@ -12,6 +12,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import astuple, dataclass, fields
+from functools import partial
 from io import StringIO
 from pathlib import Path
 from statistics import median
@@ -146,7 +147,7 @@ def gauge_row(vehicle: Vehicle, snapshots: Snapshots) -> GaugeRow:
         for _ in range(REPEATS):
             estimator = Estimator(linear_map)
             estimator.track(strain, pressure)
-            spent.append(cost(lambda estimator=estimator: estimator.track(broken, pressure), 1))
+            spent.append(cost(partial(estimator.track, broken, pressure), 1))
         return median(spent)
 
     def step(of: InverseMap) -> float:
