@@ -37,10 +37,8 @@ LEAST = 12.0
 
 LEAST_OF_MASS = 5.0
 """The same for a mass that hangs on a load without being stated. Across a force it looks like a force that is
-turned: 10 kg on 1500 N by 3.7 deg, with 1 deg stated. One sound test of :data:`FEW` pads in 400 has a force turned
-so far; more loads must be as much surer."""
-
-FEW = 12
+turned: 10 kg on 1500 N by 3.7 deg, with 1 deg stated. One sound test of 12 pads in 400 has a force turned so
+far."""
 
 LEAST_OF_SMALL = 4.0
 """The same for taper, second harmonic and the size of all pads: few tests are without them, and to estimate one
@@ -187,11 +185,9 @@ class Evidence:
     def ranking(self) -> list[tuple[Cause, float]]:
         """Return every cause, the best first, with the logarithm of how much more probable it makes the readings
         than it must."""
-        n_measured = sum(known.std > 0.0 for _, known in self.model.loads)
         every = [(cause, self._of_terms(cause)) for cause in self.causes]
         gains = (
-            (cause, gain - least_of(cause, n_measured))
-            for cause, gain in (*every, *self._of_scatter(), self._of_noise())
+            (cause, gain - least_of(cause)) for cause, gain in (*every, *self._of_scatter(), self._of_noise())
         )
         return sorted(gains, key=lambda pair: -pair[1])
 
@@ -273,14 +269,11 @@ def _highest(values: Sequence[float], gain_of: Callable[[float], float]) -> tupl
     return best, gain
 
 
-def least_of(cause: Cause, n_loads: int = FEW) -> float:
-    """Return the logarithm of how much more probable ``cause`` must make the readings of ``n_loads`` measured
-    loads."""
+def least_of(cause: Cause) -> float:
+    """Return the logarithm of how much more probable ``cause`` must make the readings."""
     if cause.kind in SMALL:
         return LEAST_OF_SMALL
-    if cause.kind == "mass":
-        return LEAST_OF_MASS + float(np.log(max(n_loads / FEW, 1.0)))
-    return LEAST
+    return LEAST_OF_MASS if cause.kind == "mass" else LEAST
 
 
 def freed(model: ReadingsModel, cause: Cause) -> ReadingsModel:

@@ -178,11 +178,9 @@ class Estimate:
 
     @property
     def allowed(self) -> float:
-        """How far :attr:`per_reading` may be from 1: it is the sum of squares of normal numbers, and the error of
-        the model, known by its size alone, is part of it."""
+        """How far :attr:`per_reading` may be from 1: it is the sum of squares of normal numbers."""
         square = self.n_readings - 2.0 * np.trace(self._learned) + np.vdot(self._learned, self._learned)
-        by_chance = FITS[1] * float(np.sqrt(2.0 * max(square, 0.0))) / max(self.freedom, 1.0)
-        return FITS[0] + self.model.model_part + by_chance
+        return FITS[0] + FITS[1] * float(np.sqrt(2.0 * max(square, 0.0))) / max(self.freedom, 1.0)
 
     @property
     def agrees(self) -> bool:

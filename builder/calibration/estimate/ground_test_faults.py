@@ -50,9 +50,6 @@ NEAR_MODEL = 5e-4
 """Part of the strain by which the model of the vehicle as built may err, as noise: the wall varies within its
 regions. It counts where readings are more exact than 0.02 um/m."""
 
-FAR_FROM_LOAD = 1e-4
-"""Part of a case's largest strain by which the model may err anywhere: harmonics and elements of the loads end."""
-
 AT_BREAK = 0.03
 """The same of gauges within one element of a change of slope, thickness or material, where strain has a kink."""
 
@@ -94,9 +91,8 @@ def calibrate_with_faults(model: ReadingsModel) -> tuple[Estimate, tuple[Fault, 
 def _with_model_error(model: ReadingsModel) -> ReadingsModel:
     """Return ``model`` with the error of the model as noise, in proportion to what each case should strain."""
     predicted, _ = model.at_drawing()
-    everywhere = FAR_FROM_LOAD * np.abs(predicted).max(axis=1, keepdims=True)
-    error = np.hypot(np.where(model.structure.at_break, AT_BREAK, NEAR_MODEL) * predicted, everywhere)
-    return model.with_model_error(error)
+    error = np.where(model.structure.at_break, AT_BREAK, NEAR_MODEL) * predicted
+    return model.with_readings(model.test.readings, np.hypot(model.test.reading_stds, error))
 
 
 def _without_faults(model: ReadingsModel) -> tuple[Estimate, tuple[Fault, ...]]:

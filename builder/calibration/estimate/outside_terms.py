@@ -37,10 +37,6 @@ ALARM = 0.001
 
 At 0.01 three of 120 tests of sound vehicles on another mesh said one, at 0.001 none."""
 
-LEAST_TERM, LEAST_NOISE = 0.003, 0.1
-"""Rms size of the terms of a kind, and part by which the readings scatter more than stated, below which neither is
-said: tens of thousands of readings show what no map is worse for, and errors of the model among it."""
-
 NAMED = 3.0
 """Standard deviations from which a term is named, where its kind is not zero."""
 
@@ -90,11 +86,6 @@ class OutsideKind:
     chance: float
     terms: tuple[OutsideTerm, ...] = ()
 
-    @property
-    def size(self) -> float:
-        """Rms size of the terms [1]."""
-        return float(np.sqrt(np.mean([term.size**2 for term in self.terms])))
-
 
 @dataclass(frozen=True, kw_only=True)
 class OutsideModel:
@@ -118,13 +109,8 @@ class OutsideModel:
 
     @property
     def found(self) -> tuple[OutsideKind, ...]:
-        """Kinds that are not zero, and not too small to count."""
-        return tuple(
-            kind
-            for kind in self.kinds
-            if kind.chance < ALARM / len(self.kinds)
-            and (kind.size >= LEAST_TERM if kind.terms else self.noise_factor >= 1.0 + LEAST_NOISE)
-        )
+        """Kinds that are not zero."""
+        return tuple(kind for kind in self.kinds if kind.chance < ALARM / len(self.kinds))
 
     @property
     def lines(self) -> tuple[str, ...]:
@@ -141,9 +127,10 @@ class OutsideModel:
             max(kind.terms, key=lambda term: abs(term.size) / term.std)
         ]
         entry = AS_BUILT_KINDS[KINDS[kind.kind][0]].entry
+        size = 100.0 * float(np.sqrt(np.mean([term.size**2 for term in kind.terms])))
         return [f"outside the model: {term.line}" for term in named] + [
             f"the sigmas of the map leave the wall's {kind.kind} out; with calibration.{entry} = "
-            f"{100.0 * kind.size:.1g} in the vehicle file it is estimated"
+            f"{size:.1g} in the vehicle file it is estimated"
         ]
 
 

@@ -145,7 +145,6 @@ class ReadingsModel:
     names : of the vector's entries.
     std : (n,) of the vector before the test.
     causes : what the readings themselves have set free.
-    model_part : part of the variance of the readings that is the error of the model.
     time : (n_cases,) of each case in the order of the file, 0 for the first and 1 for the last.
     """
 
@@ -156,7 +155,6 @@ class ReadingsModel:
         self.loads = [(k, known) for k, case in enumerate(test.cases) for known in case.loads]
         self.cells = list(dict.fromkeys(known.load_cell for _, known in self.loads if known.on_load_cell)) or ["1"]
         self.causes: tuple[Cause, ...] = ()
-        self.model_part = 0.0
         self._on_cell = self._load_cells()
         self._turns = np.array([common_turns(known.load) for _, known in self.loads]).reshape(
             -1, 2, len(DIRECTIONS)
@@ -192,13 +190,6 @@ class ReadingsModel:
         )
         model = copy(self)
         model.test = replace(self.test, cases=cases)
-        return model
-
-    def with_model_error(self, error: FloatArray) -> ReadingsModel:
-        """Return the same model whose own error (n_cases, n_d) counts as noise [m/m]."""
-        std = np.hypot(self.test.reading_stds, error)
-        model, sound = self.with_readings(self.test.readings, std), ~self.structure.at_break
-        model.model_part = float(np.mean((error / std)[:, sound] ** 2)) if sound.any() else 0.0
         return model
 
     @property

@@ -157,7 +157,7 @@ def _predicted(findings: CalibrationFindings) -> Criterion:
             remedy="find what differs between them and the fitted cases",
         )
     gauges = int(np.median(findings.estimate.used.sum(axis=1)[findings.estimate.used.any(axis=1)]))
-    limit = float(chdtri(gauges, CHANCE)) / gauges + findings.estimate.model.model_part
+    limit = float(chdtri(gauges, CHANCE)) / gauges
     worst = max(findings.left_out, key=lambda case: case.chi_square)
     return Criterion(
         name="No check loads: each case is predicted from the others, chi-square per reading",
