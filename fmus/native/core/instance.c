@@ -50,13 +50,6 @@ int instance_error(const Instance *instance, const char *format, ...) {
     return STATUS_ERROR;
 }
 
-int instance_discard(const Instance *instance, const char *function, const char *why) {
-    char text[LINE_SIZE];
-    snprintf(text, sizeof text, "%s: %s", function, why);
-    instance->write(instance, STATUS_DISCARD, CATEGORY_DISCARD, text);
-    return STATUS_DISCARD;
-}
-
 int instance_not_offered(const Instance *instance, const char *function) {
     return instance == NULL ? STATUS_ERROR : instance_error(instance, "%s is not supported by this FMU", function);
 }
@@ -333,4 +326,126 @@ int instance_set_logging(Instance *instance, const char *function, int on, size_
         }
     }
     return STATUS_OK;
+}
+
+/* Partial derivatives. */
+
+/* Log why there are no derivatives for the present values; STATUS_DISCARD. */
+static int discard_derivative(const Instance *instance, const char *function, const char *why) {
+    char text[LINE_SIZE];
+    snprintf(text, sizeof text, "%s: %s", function, why);
+    instance->write(instance, STATUS_DISCARD, CATEGORY_DISCARD, text);
+    return STATUS_DISCARD;
+}
+
+/* Whether references are of variables that have derivatives, and of as many elements as the caller gives values. */
+static int have_index(const Instance *instance, const References *of, size_t (*index_of)(const Model *, size_t)) {
+    size_t total = 0;
+    for (size_t i = 0; i < of->count; i++) {
+        const Selection array = of->variables(instance, of->reference[i]);
+        if (array.count == 0 || index_of(instance->model, array.first) == SIZE_MAX) {
+            return 0;
+        }
+        total += array.count;
+    }
+    return total == of->n_values;
+}
+
+static int are_derivable(Instance *instance, const char *function, const References *unknowns, const References *knowns,
+                         const double *of_unknowns, const double *of_knowns) {
+    const Derivatives *derivatives = MODEL.derivatives;
+    if (instance == NULL || derivatives == NULL) {
+        instance_not_offered(instance, function);
+        return 0;
+    }
+    if (!instance_allows(instance, function, INITIALIZATION | RUNNING)
+        || !instance_lists(instance, function, unknowns->count, unknowns->reference, of_unknowns)
+        || !instance_lists(instance, function, knowns->count, knowns->reference, of_knowns)) {
+        return 0;
+    }
+    if (!have_index(instance, unknowns, derivatives->output_index) || !have_index(instance, knowns, derivatives->input_index)) {
+        instance_error(instance, "%s: derivatives are those of values (loads, coefficients, air data) by real inputs and "
+                       "parameters, as many values as these have elements", function);
+        return 0;
+    }
+    return 1;
+}
+
+static int directional_derivative(Instance *instance, const char *function, const References *unknowns,
+                                  const References *knowns, const double *seed, double *sensitivity) {
+    const Derivatives *derivatives = MODEL.derivatives;
+    if (!are_derivable(instance, function, unknowns, knowns, sensitivity, seed)) {
+        return STATUS_ERROR;
+    }
+    double *direction = derivatives->clear_direction(instance->model);
+    for (size_t i = 0; i < knowns->count; i++) {
+        const Selection array = knowns->variables(instance, knowns->reference[i]);
+        for (size_t k = 0; k < array.count; k++) {
+            direction[derivatives->input_index(instance->model, array.first + k)] += *seed++;
+        }
+    }
+    char text[MODEL_TEXT_SIZE];
+    const double *derivative = derivatives->along_direction(instance->model, text);
+    if (derivative == NULL) {
+        return discard_derivative(instance, function, text);
+    }
+    for (size_t i = 0; i < unknowns->count; i++) {
+        const Selection array = unknowns->variables(instance, unknowns->reference[i]);
+        for (size_t k = 0; k < array.count; k++) {
+            *sensitivity++ = derivative[derivatives->output_index(instance->model, array.first + k)];
+        }
+    }
+    return STATUS_OK;
+}
+
+/* Sum of the derivatives of the unknowns, weighted with the seed. Where that is 0, a derivative that is not a number
+   does not matter. */
+static double weighted(const Instance *instance, const References *unknowns, const double *seed, const double *derivative) {
+    double sum = 0.0;
+    for (size_t i = 0; i < unknowns->count; i++) {
+        const Selection array = unknowns->variables(instance, unknowns->reference[i]);
+        for (size_t k = 0; k < array.count; k++, seed++) {
+            const size_t index = MODEL.derivatives->output_index(instance->model, array.first + k);
+            sum += *seed != 0.0 ? *seed * derivative[index] : 0.0;
+        }
+    }
+    return sum;
+}
+
+/* One directional derivative for each element of the knowns. */
+static int adjoint_derivative(Instance *instance, const char *function, const References *unknowns,
+                              const References *knowns, const double *seed, double *sensitivity) {
+    const Derivatives *derivatives = MODEL.derivatives;
+    if (!are_derivable(instance, function, unknowns, knowns, seed, sensitivity)) {
+        return STATUS_ERROR;
+    }
+    for (size_t i = 0; i < knowns->count; i++) {
+        const Selection array = knowns->variables(instance, knowns->reference[i]);
+        for (size_t k = 0; k < array.count; k++) {
+            char text[MODEL_TEXT_SIZE];
+            derivatives->clear_direction(instance->model)[derivatives->input_index(instance->model, array.first + k)] = 1.0;
+            const double *derivative = derivatives->along_direction(instance->model, text);
+            if (derivative == NULL) {
+                return discard_derivative(instance, function, text);
+            }
+            *sensitivity++ = weighted(instance, unknowns, seed, derivative);
+        }
+    }
+    return STATUS_OK;
+}
+
+int instance_directional_derivative(Instance *instance, const char *function, const References *unknowns,
+                                    const References *knowns, const double *seed, double *sensitivity) {
+    const Floating host = floating_enter();
+    const int status = directional_derivative(instance, function, unknowns, knowns, seed, sensitivity);
+    floating_leave(&host);
+    return status;
+}
+
+int instance_adjoint_derivative(Instance *instance, const char *function, const References *unknowns,
+                                const References *knowns, const double *seed, double *sensitivity) {
+    const Floating host = floating_enter();
+    const int status = adjoint_derivative(instance, function, unknowns, knowns, seed, sensitivity);
+    floating_leave(&host);
+    return status;
 }

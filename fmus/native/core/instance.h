@@ -10,6 +10,11 @@
 #define CATEGORY_ERROR "logStatusError"
 #define CATEGORY_EVENTS "logEvents"
 
+/* Sums of modes. FMI 2.0 never comes to CONFIGURATION. */
+#define RUNNING (STEP | EVENT | CONTINUOUS_TIME)
+#define SETTABLE (BEFORE_STEPS | RUNNING)
+#define READABLE (SETTABLE | TERMINATED)
+
 typedef enum { MODEL_EXCHANGE_2 = 1, CO_SIMULATION_2, MODEL_EXCHANGE_3, CO_SIMULATION_3 } Kind;
 
 typedef struct Instance Instance;
@@ -59,6 +64,12 @@ static inline int instance_given(const Instance *instance, const char *function,
     return argument != NULL || instance_refuse_null(instance, function);
 }
 
+/* Whether lists of so many references and values are there. */
+static inline int instance_lists(const Instance *instance, const char *function, size_t n, const void *references,
+                                 const void *values) {
+    return n == 0 || (instance_given(instance, function, references) && instance_given(instance, function, values));
+}
+
 /* Go from one of the modes `from` to `to`, or set the time. A status. */
 int instance_enter(Instance *instance, const char *function, int from, Mode to);
 int instance_set_time(Instance *instance, const char *function, int modes, double time);
@@ -86,11 +97,22 @@ int instance_step(Instance *instance, const char *function, double start, double
 /* A list of continuous states or event indicators, of which there are none: its length must be 0. A status. */
 int instance_empty_list(Instance *instance, const char *function, int modes, size_t length);
 
+/* Value references as a front gets them, the variables that it has for each, and the number of values that come with all. */
+typedef struct {
+    const unsigned *reference;
+    size_t count, n_values;
+    Selection (*variables)(const Instance *instance, unsigned reference);
+} References;
+
+/* Partial derivatives of real outputs, the unknowns, by real inputs and parameters, the knowns: along a seed of the knowns, or
+   of the unknowns weighted with a seed, by each known. A status. */
+int instance_directional_derivative(Instance *instance, const char *function, const References *unknowns,
+                                    const References *knowns, const double *seed, double *sensitivity);
+int instance_adjoint_derivative(Instance *instance, const char *function, const References *unknowns,
+                                const References *knowns, const double *seed, double *sensitivity);
+
 /* Log a message as printf does; STATUS_ERROR. */
 int instance_error(const Instance *instance, const char *format, ...);
-
-/* Log why a function has no result for the present values; STATUS_DISCARD. */
-int instance_discard(const Instance *instance, const char *function, const char *why);
 
 /* Log that a function is not offered; STATUS_ERROR, also for no instance. */
 int instance_not_offered(const Instance *instance, const char *function);

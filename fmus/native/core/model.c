@@ -66,19 +66,10 @@ int model_event(Model *model, char text[MODEL_TEXT_SIZE]) {
     COMPUTE_AS(int, MODEL.event(model, text));
 }
 
-/* Reading and setting of variables. */
-#define VALUES(name, type)                                                                            \
-    int model_##name(Model *model, const Selection *which, type *value, char text[MODEL_TEXT_SIZE]) { \
-        COMPUTE_AS(int, MODEL.name(model, which, value, text));                                       \
-    }
+int model_get(Model *model, Type type, const Selection *which, void *value, char text[MODEL_TEXT_SIZE]) {
+    COMPUTE_AS(int, MODEL.get(model, type, which, value, text));
+}
 
-VALUES(get_reals, double)
-VALUES(get_integers, int)
-VALUES(get_booleans, int)
-VALUES(set_reals, const double)
-VALUES(set_integers, const int)
-VALUES(set_booleans, const int)
-
-int model_check_state(const Model *model, const unsigned char *bytes, char text[MODEL_TEXT_SIZE]) {
-    COMPUTE_AS(int, MODEL.check_state(model, bytes, text));
+int model_set(Model *model, Type type, const Selection *which, const void *value, char text[MODEL_TEXT_SIZE]) {
+    COMPUTE_AS(int, MODEL.set(model, type, which, value, text));
 }

@@ -20,7 +20,6 @@
 #define STATUS_ERROR 3
 
 #define WRONG_TYPE "value reference %lu is no variable of that type"
-#define NO_DERIVATIVE "%s: derivatives are those of values (loads, coefficients, air data) by real inputs and parameters, "
 
 typedef enum { REAL, INTEGER, BOOLEAN, ENUMERATION, NO_VARIABLE } Type;
 
@@ -86,19 +85,14 @@ typedef struct {
     void (*settle)(Model *model);
     int (*unsettled)(Model *model);
     int (*event)(Model *model, char text[MODEL_TEXT_SIZE]);
-    int (*get_reals)(Model *model, const Selection *which, double *value, char text[MODEL_TEXT_SIZE]);
-    int (*get_integers)(Model *model, const Selection *which, int *value, char text[MODEL_TEXT_SIZE]);
-    int (*get_booleans)(Model *model, const Selection *which, int *value, char text[MODEL_TEXT_SIZE]);
-    int (*set_reals)(Model *model, const Selection *which, const double *value, char text[MODEL_TEXT_SIZE]);
-    int (*set_integers)(Model *model, const Selection *which, const int *value, char text[MODEL_TEXT_SIZE]);
-    int (*set_booleans)(Model *model, const Selection *which, const int *value, char text[MODEL_TEXT_SIZE]);
-    int (*check_state)(const Model *model, const unsigned char *bytes, char text[MODEL_TEXT_SIZE]);
+    int (*get)(Model *model, Type type, const Selection *which, void *value, char text[MODEL_TEXT_SIZE]);
+    int (*set)(Model *model, Type type, const Selection *which, const void *value, char text[MODEL_TEXT_SIZE]);
 } ModelFacts;
 
 extern const ModelFacts MODEL;
 
-/* Functions that compute do so in the default floating-point environment, whatever the host's is (floating.h); fronts
-   that call the functions of Derivatives take it for themselves. */
+/* Functions that compute do so in the default floating-point environment, whatever the host's is (floating.h); who
+   calls the functions of Derivatives takes it for them. */
 
 /* Make a model of the bytes of its resource [length], and own them: they are freed here if that fails. NULL, after a
    message. */
@@ -135,14 +129,28 @@ Type model_type_of(const Model *model, size_t variable);
 /* The variables of an FMI 3.0 array; none if there is no such array. */
 Selection model_array(const Model *model, unsigned reference);
 
-/* Read or set variables. 1; 0, after a message, if one is of another type or refuses the value. Those before it in the
-   selection may have been set then, it and those after it have not. */
-int model_get_reals(Model *model, const Selection *which, double *value, char text[MODEL_TEXT_SIZE]);
-int model_get_integers(Model *model, const Selection *which, int *value, char text[MODEL_TEXT_SIZE]);
-int model_get_booleans(Model *model, const Selection *which, int *value, char text[MODEL_TEXT_SIZE]);
-int model_set_reals(Model *model, const Selection *which, const double *value, char text[MODEL_TEXT_SIZE]);
-int model_set_integers(Model *model, const Selection *which, const int *value, char text[MODEL_TEXT_SIZE]);
-int model_set_booleans(Model *model, const Selection *which, const int *value, char text[MODEL_TEXT_SIZE]);
+/* Read or set variables of a type, whose values are double for REAL, int for BOOLEAN and for INTEGER, which has enumerations
+   too. 1; 0, after a message, if one is of another type or refuses the value. Those before it in the selection may have been
+   set then, it and those after it have not. */
+int model_get(Model *model, Type type, const Selection *which, void *value, char text[MODEL_TEXT_SIZE]);
+int model_set(Model *model, Type type, const Selection *which, const void *value, char text[MODEL_TEXT_SIZE]);
+
+/* Whether a variable is read and set as one of a type; the value of variable k of a selection, and giving it one. */
+static inline int is_read_as(Type type, Type as) {
+    return type == as || (type == ENUMERATION && as == INTEGER);
+}
+
+static inline double value_at(Type type, const void *value, size_t k) {
+    return type == REAL ? ((const double *)value)[k] : (double)((const int *)value)[k];
+}
+
+static inline void put_value(Type type, void *value, size_t k, double number) {
+    if (type == REAL) {
+        ((double *)value)[k] = number;
+    } else {
+        ((int *)value)[k] = (int)number;
+    }
+}
 
 /* The model's part of a serialised state: its number of bytes, and writing it. Mode and time are the caller's. */
 size_t model_state_size(const Model *model);

@@ -116,11 +116,11 @@ static void give(Model *model, const EcuQuantity *to, double value) {
     const Selection which = {NULL, (size_t)to->variable, 1};
     if (to->is_whole) {
         const int number = value > 0.0 && value < 100.0 ? (int)(value + 0.5) : 0;
-        (void)model_set_integers(model, &which, &number, text);
+        (void)model_set(model, INTEGER, &which, &number, text);
         return;
     }
     const double given = !isnan(to->fallback) && !(value > 0.0) ? to->fallback : value;
-    (void)model_set_reals(model, &which, &given, text);
+    (void)model_set(model, REAL, &which, &given, text);
 }
 
 /* Step by whole cycles, with the strains and the flow of the result that is ready. */
@@ -140,7 +140,7 @@ static void step_estimator(Ecu *ecu, double now) {
         valid_strain[g] = valid_of(machine)[g] ? strain[g] : NAN;
     }
     const Selection strains = {NULL, (size_t)ecu->setup->strain, (size_t)plan->n_gauges};
-    (void)model_set_reals(model, &strains, valid_strain, text);
+    (void)model_set(model, REAL, &strains, valid_strain, text);
     for (int32_t k = 0; k < plan->n_flow; k++) {
         give(model, &quantity[k], k == plan->pressure && !isnan(plan->fixed_pressure) ? plan->fixed_pressure : flow[k]);
     }
@@ -176,7 +176,7 @@ static void set_others(const Ecu *ecu, int published, double *value) {
         const Selection which = {NULL, (size_t)load->variable, 1};
         double estimate = NAN;
         if (published) {
-            (void)model_get_reals(ecu->node.model, &which, &estimate, text);
+            (void)model_get(ecu->node.model, REAL, &which, &estimate, text);
         }
         const double steps = estimate / load->step;
         value[k] = load->step == 0.0 ? estimate : steps >= 0.0 && steps <= 65534.0 ? load->step * whole_above(steps) : NAN;
@@ -205,10 +205,10 @@ static void publish(Ecu *ecu) {
         const Selection first = {NULL, 0, N_REAL_LOADS}, chi = {NULL, CHI_SQUARE_OUTPUT, 1};
         const Selection margin = {NULL, ENVELOPE_OUTPUT, 1}, state = {NULL, HEALTH_OUTPUT, 1};
         step_estimator(ecu, r->time);
-        (void)model_get_reals(model, &first, loads, text);
-        (void)model_get_reals(model, &chi, &chi_square, text);
-        (void)model_get_reals(model, &margin, &score, text);
-        (void)model_get_integers(model, &state, &health, text);
+        (void)model_get(model, REAL, &first, loads, text);
+        (void)model_get(model, REAL, &chi, &chi_square, text);
+        (void)model_get(model, REAL, &margin, &score, text);
+        (void)model_get(model, INTEGER, &state, &health, text);
     }
     for (int k = 0; k < N_REAL_LOADS; k++) {
         loads[k] = n_used ? loads[k] : NAN;

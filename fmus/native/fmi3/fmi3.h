@@ -8,10 +8,6 @@
 
 #include "../core/instance.h"
 
-#define FMI3_RUNNING (STEP | EVENT | CONTINUOUS_TIME)
-#define FMI3_SETTABLE (INSTANTIATED | INITIALIZATION | CONFIGURATION | FMI3_RUNNING)
-#define FMI3_READABLE (FMI3_SETTABLE | TERMINATED)
-
 /* Value reference of the scalar variable 0; strainfmu/fmu/description/fmi3.py states the same. */
 #define FMI3_FIRST_SCALAR 1000000u
 

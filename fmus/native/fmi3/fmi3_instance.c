@@ -2,7 +2,14 @@
 
 #include "fmi3.h"
 
-#include "../core/state.h"
+#define FMI(name) fmi3##name
+#define FMI_INSTANCE fmi3Instance
+#define FMU_STATE(verb) fmi3##verb##FMUState
+#define FMU_STATE_SIZE fmi3SerializedFMUStateSize
+#define FMU_STATE_OF_BYTES fmi3DeserializeFMUState
+#define STATE_DERIVATIVES fmi3GetContinuousStateDerivatives
+
+#include "../core/front.h"
 
 static void write_message(const Instance *instance, int status, const char *category, const char *text) {
     fmi3LogMessageCallback logger = (fmi3LogMessageCallback)instance->logger;
@@ -13,11 +20,6 @@ static void write_message(const Instance *instance, int status, const char *cate
 
 const char *fmi3GetVersion(void) {
     return fmi3Version;
-}
-
-fmi3Status fmi3SetDebugLogging(fmi3Instance instance, fmi3Boolean loggingOn, size_t nCategories,
-                               const fmi3String categories[]) {
-    return (fmi3Status)instance_set_logging(instance, "fmi3SetDebugLogging", loggingOn, nCategories, categories);
 }
 
 static fmi3Instance instantiate(Kind kind, fmi3String name, fmi3String token, fmi3String path, fmi3Boolean eventModeUsed,
@@ -68,10 +70,6 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String instanceName, fmi3String ins
                        instanceEnvironment, logMessage);
 }
 
-void fmi3FreeInstance(fmi3Instance instance) {
-    instance_free(instance);
-}
-
 fmi3Status fmi3EnterInitializationMode(fmi3Instance instance, fmi3Boolean toleranceDefined, fmi3Float64 tolerance,
                                        fmi3Float64 startTime, fmi3Boolean stopTimeDefined, fmi3Float64 stopTime) {
     static const char NAME[] = "fmi3EnterInitializationMode";
@@ -101,18 +99,6 @@ fmi3Status fmi3EnterConfigurationMode(fmi3Instance instance) {
 
 fmi3Status fmi3ExitConfigurationMode(fmi3Instance instance) {
     return (fmi3Status)instance_enter(instance, "fmi3ExitConfigurationMode", CONFIGURATION, INSTANTIATED);
-}
-
-fmi3Status fmi3Terminate(fmi3Instance instance) {
-    return (fmi3Status)instance_enter(instance, "fmi3Terminate", FMI3_RUNNING, TERMINATED);
-}
-
-fmi3Status fmi3Reset(fmi3Instance instance) {
-    if (instance == NULL) {
-        return fmi3Error;
-    }
-    instance_reset(instance);
-    return fmi3OK;
 }
 
 fmi3Status fmi3EvaluateDiscreteStates(fmi3Instance instance) {
@@ -170,43 +156,13 @@ fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 currentCommunicationPoi
     return (fmi3Status)status;
 }
 
-/* Model exchange, without continuous states and event indicators. */
+/* Model exchange. */
 
 fmi3Status fmi3EnterContinuousTimeMode(fmi3Instance instance) {
     const Instance *s = instance;
     const int allowed = s != NULL && s->kind == MODEL_EXCHANGE_3;
     return (fmi3Status)instance_go_on(instance, "fmi3EnterContinuousTimeMode", allowed ? EVENT : 0);
 }
-
-fmi3Status fmi3CompletedIntegratorStep(fmi3Instance instance, fmi3Boolean noSetFMUStatePriorToCurrentPoint,
-                                       fmi3Boolean *enterEventMode, fmi3Boolean *terminateSimulation) {
-    static const char NAME[] = "fmi3CompletedIntegratorStep";
-    (void)noSetFMUStatePriorToCurrentPoint;
-    if (!instance_allows(instance, NAME, CONTINUOUS_TIME) || !instance_given(instance, NAME, enterEventMode)
-        || !instance_given(instance, NAME, terminateSimulation)) {
-        return fmi3Error;
-    }
-    int event = 0;
-    const fmi3Status status = (fmi3Status)instance_end_solver_step(instance, NAME, &event);
-    *enterEventMode = event ? fmi3True : fmi3False;
-    *terminateSimulation = fmi3False;
-    return status;
-}
-
-fmi3Status fmi3SetTime(fmi3Instance instance, fmi3Float64 time) {
-    return (fmi3Status)instance_set_time(instance, "fmi3SetTime", EVENT | CONTINUOUS_TIME, time);
-}
-
-#define EMPTY_LIST(function, modes, Type)                                      \
-    fmi3Status function(fmi3Instance instance, Type values[], size_t n) {      \
-        (void)values;                                                          \
-        return (fmi3Status)instance_empty_list(instance, #function, modes, n); \
-    }
-EMPTY_LIST(fmi3SetContinuousStates, CONTINUOUS_TIME, const fmi3Float64)
-EMPTY_LIST(fmi3GetContinuousStateDerivatives, FMI3_READABLE, fmi3Float64)
-EMPTY_LIST(fmi3GetEventIndicators, FMI3_READABLE, fmi3Float64)
-EMPTY_LIST(fmi3GetContinuousStates, FMI3_READABLE, fmi3Float64)
-EMPTY_LIST(fmi3GetNominalsOfContinuousStates, FMI3_READABLE, fmi3Float64)
 
 static fmi3Status none(Instance *s, const char *function, size_t *number) {
     if (s == NULL || !instance_given(s, function, number)) {
@@ -222,31 +178,4 @@ fmi3Status fmi3GetNumberOfEventIndicators(fmi3Instance instance, size_t *nEventI
 
 fmi3Status fmi3GetNumberOfContinuousStates(fmi3Instance instance, size_t *nContinuousStates) {
     return none(instance, "fmi3GetNumberOfContinuousStates", nContinuousStates);
-}
-
-/* FMU states. */
-
-fmi3Status fmi3GetFMUState(fmi3Instance instance, fmi3FMUState *FMUState) {
-    return (fmi3Status)state_get(instance, "fmi3GetFMUState", FMUState);
-}
-
-fmi3Status fmi3SetFMUState(fmi3Instance instance, fmi3FMUState FMUState) {
-    return (fmi3Status)state_set(instance, FMUState);
-}
-
-fmi3Status fmi3FreeFMUState(fmi3Instance instance, fmi3FMUState *FMUState) {
-    return (fmi3Status)state_free(instance, FMUState);
-}
-
-fmi3Status fmi3SerializedFMUStateSize(fmi3Instance instance, fmi3FMUState FMUState, size_t *size) {
-    return (fmi3Status)state_serialized_size(instance, "fmi3SerializedFMUStateSize", FMUState, size);
-}
-
-fmi3Status fmi3SerializeFMUState(fmi3Instance instance, fmi3FMUState FMUState, fmi3Byte serializedState[], size_t size) {
-    return (fmi3Status)state_serialize(instance, "fmi3SerializeFMUState", FMUState, serializedState, size);
-}
-
-fmi3Status fmi3DeserializeFMUState(fmi3Instance instance, const fmi3Byte serializedState[], size_t size,
-                                   fmi3FMUState *FMUState) {
-    return (fmi3Status)state_deserialize(instance, "fmi3DeserializeFMUState", serializedState, size, FMUState);
 }

@@ -9,8 +9,6 @@
 #include <math.h>
 #include <string.h>
 
-#include "../core/ports.h"
-
 #define SHORTEST_INTERVAL 1e-6 /* [s]: importers differ about intervals of 0 */
 #define ROUND_OFF 1e-9         /* of a time [s] */
 
@@ -27,9 +25,8 @@ typedef struct {
 /* Whether a function is allowed in the mode of the instance, with lists of so many references and values. */
 static int may(Instance *s, const char *function, int modes, const fmi3ValueReference references[], size_t n,
                const void *values, const void *more_values) {
-    return instance_allows(s, function, modes)
-        && (n == 0 || (instance_given(s, function, references) && instance_given(s, function, values)
-                       && instance_given(s, function, more_values)));
+    return instance_allows(s, function, modes) && instance_lists(s, function, n, references, values)
+        && instance_lists(s, function, n, references, more_values);
 }
 
 /* Set `member` to the variable of a reference, which must be one of a set; 0, after a message, if it is not. */
@@ -80,7 +77,7 @@ fmi3Status fmi3SetBinary(fmi3Instance instance, const fmi3ValueReference valueRe
     static const char NAME[] = "fmi3SetBinary";
     Instance *s = instance;
     Member rx;
-    if (!may(s, NAME, FMI3_SETTABLE, valueReferences, nValueReferences, values, valueSizes)) {
+    if (!may(s, NAME, SETTABLE, valueReferences, nValueReferences, values, valueSizes)) {
         return fmi3Error;
     }
     for (size_t i = 0; i < nValues && i < nValueReferences; i++) {
@@ -103,7 +100,7 @@ fmi3Status fmi3GetBinary(fmi3Instance instance, const fmi3ValueReference valueRe
     static const char NAME[] = "fmi3GetBinary";
     Instance *s = instance;
     Member tx;
-    if (!may(s, NAME, FMI3_READABLE, valueReferences, nValueReferences, values, valueSizes)) {
+    if (!may(s, NAME, READABLE, valueReferences, nValueReferences, values, valueSizes)) {
         return fmi3Error;
     }
     for (size_t i = 0; i < nValues && i < nValueReferences; i++) {
@@ -183,7 +180,7 @@ fmi3Status fmi3GetUInt64(fmi3Instance instance, const fmi3ValueReference valueRe
     static const char NAME[] = "fmi3GetUInt64";
     Instance *s = instance;
     Member counter;
-    if (!may(s, NAME, FMI3_READABLE, valueReferences, nValueReferences, values, values)) {
+    if (!may(s, NAME, READABLE, valueReferences, nValueReferences, values, values)) {
         return fmi3Error;
     }
     for (size_t i = 0; i < nValueReferences && i < nValues; i++) {

@@ -70,7 +70,7 @@ static double value_of(const Node *sender, const SbSignal *signal, const SenderS
         char text[MODEL_TEXT_SIZE];
         const Selection which = {NULL, (size_t)source->from, 1};
         double value = NAN;
-        (void)model_get_reals(sender->model, &which, &value, text);
+        (void)model_get(sender->model, REAL, &which, &value, text);
         return (value - signal->added) / signal->factor;
     }
     }

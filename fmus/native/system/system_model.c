@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "../core/floating.h"
 #include "../core/resource.h"
 
 #define MAX_COUNT (1u << 24)
@@ -170,7 +171,7 @@ Selection model_array(const Model *base, unsigned reference) {
 /* Whether all variables are of a type; if not, text names one that is not. */
 static int are(const SystemModel *model, const Selection *which, Type type, char *text) {
     for (size_t k = 0; k < which->count; k++) {
-        if (model_type_of(&model->base, selected(which, k)) != type) {
+        if (!is_read_as(model_type_of(&model->base, selected(which, k)), type)) {
             snprintf(text, MODEL_TEXT_SIZE, WRONG_TYPE, (unsigned long)selected(which, k));
             return 0;
         }
@@ -178,34 +179,19 @@ static int are(const SystemModel *model, const Selection *which, Type type, char
     return 1;
 }
 
-static int get_reals(Model *base, const Selection *which, double *value, char text[MODEL_TEXT_SIZE]) {
+static int get(Model *base, Type type, const Selection *which, void *value, char text[MODEL_TEXT_SIZE]) {
     SystemModel *model = (SystemModel *)base;
-    if (!are(model, which, REAL, text)) {
+    if (!are(model, which, type, text)) {
         return 0;
     }
     system_update(model);
     for (size_t k = 0; k < which->count; k++) {
-        value[k] = model->value[selected(which, k)];
+        put_value(type, value, k, model->value[selected(which, k)]);
     }
     return 1;
 }
 
-/* Whole numbers and truth values, which are int in C. */
-#define GET_WHOLE(name, type)                                                                              \
-    static int name(Model *base, const Selection *which, int *value, char text[MODEL_TEXT_SIZE]) {         \
-        SystemModel *model = (SystemModel *)base;                                                          \
-        const int good = are(model, which, type, text);                                                    \
-        for (size_t k = 0; k < which->count && good; k++) {                                                \
-            system_update(model);                                                                          \
-            value[k] = (int)model->value[selected(which, k)];                                              \
-        }                                                                                                  \
-        return good;                                                                                       \
-    }
-
-GET_WHOLE(get_integers, INTEGER)
-GET_WHOLE(get_booleans, BOOLEAN)
-
-static int set(SystemModel *model, size_t variable, double value, char *text) {
+static int set_variable(SystemModel *model, size_t variable, double value, char *text) {
     const Causality causality = (Causality)model->causality[variable];
     if (causality == OUTPUT || (causality == FIXED_PARAMETER && !is_before_steps(model))) {
         snprintf(text, MODEL_TEXT_SIZE, "variable %lu %s", (unsigned long)variable,
@@ -222,20 +208,15 @@ static int set(SystemModel *model, size_t variable, double value, char *text) {
     return 1;
 }
 
-/* The setter of a type of variables, which C has as c_type; what is kept of a value. */
-#define SET(name, type, c_type, kept)                                                                      \
-    static int name(Model *base, const Selection *which, const c_type *value, char text[MODEL_TEXT_SIZE]) { \
-        SystemModel *model = (SystemModel *)base;                                                          \
-        int good = are(model, which, type, text);                                                          \
-        for (size_t k = 0; k < which->count && good; k++) {                                                \
-            good = set(model, selected(which, k), kept, text);                                             \
-        }                                                                                                  \
-        return good;                                                                                       \
+static int set(Model *base, Type type, const Selection *which, const void *value, char text[MODEL_TEXT_SIZE]) {
+    SystemModel *model = (SystemModel *)base;
+    int good = are(model, which, type, text);
+    for (size_t k = 0; k < which->count && good; k++) {
+        const double given = value_at(type, value, k);
+        good = set_variable(model, selected(which, k), type == BOOLEAN ? given != 0.0 : given, text);
     }
-
-SET(set_reals, REAL, double, value[k])
-SET(set_integers, INTEGER, int, value[k])
-SET(set_booleans, BOOLEAN, int, value[k] != 0)
+    return good;
+}
 
 /* State: variables and states as float64, which lie behind each other in memory. */
 
@@ -248,15 +229,18 @@ void model_write_state(const Model *base, unsigned char *bytes) {
     memcpy(bytes, ((const SystemModel *)base)->value, model_state_size(base));
 }
 
-static int check_state(const Model *base, const unsigned char *bytes, char text[MODEL_TEXT_SIZE]) {
+int model_check_state(const Model *base, const unsigned char *bytes, char text[MODEL_TEXT_SIZE]) {
     const SystemModel *model = (const SystemModel *)base;
-    for (size_t i = 0; i < model->n_variables; i++) {
-        if (!accepts(model, i, double_at(bytes, i))) {
-            snprintf(text, MODEL_TEXT_SIZE, "holds %g for variable %lu, which is not allowed", double_at(bytes, i), (unsigned long)i);
-            return 0;
-        }
+    const Floating host = floating_enter();
+    size_t i = 0;
+    while (i < model->n_variables && accepts(model, i, double_at(bytes, i))) {
+        i++;
     }
-    return 1;
+    floating_leave(&host);
+    if (i < model->n_variables) {
+        snprintf(text, MODEL_TEXT_SIZE, "holds %g for variable %lu, which is not allowed", double_at(bytes, i), (unsigned long)i);
+    }
+    return i == model->n_variables;
 }
 
 void model_read_state(Model *base, const unsigned char *bytes) {
@@ -274,11 +258,6 @@ const ModelFacts MODEL = {
     .reset = reset,
     .end_initialization = end_initialization,
     .step = step,
-    .get_reals = get_reals,
-    .get_integers = get_integers,
-    .get_booleans = get_booleans,
-    .set_reals = set_reals,
-    .set_integers = set_integers,
-    .set_booleans = set_booleans,
-    .check_state = check_state,
+    .get = get,
+    .set = set,
 };

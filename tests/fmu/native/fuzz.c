@@ -470,7 +470,7 @@ static void fuzz_state(Input *input, int is_changed) {
         }
         const Selection outputs = {NULL, 0, HEALTH_STATE};
         double value[HEALTH_STATE];
-        if (!model_get_reals(instance->model, &outputs, value, text)) {
+        if (!model_get(instance->model, REAL, &outputs, value, text)) {
             abort();
         }
         if (state_get(instance, "fuzz", &again) != STATUS_OK || state_serialize(instance, "fuzz", again, bytes, size) != STATUS_OK) {
@@ -479,7 +479,7 @@ static void fuzz_state(Input *input, int is_changed) {
         instance->model->mode = STEP;
         instance->model->time = 0.0;
         instance_step(instance, "step", 0.0, 0.01);
-        if (!model_get_reals(instance->model, &outputs, value, text)) {
+        if (!model_get(instance->model, REAL, &outputs, value, text)) {
             abort();
         }
     }

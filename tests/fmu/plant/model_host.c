@@ -58,13 +58,7 @@ static void disturb(SystemModel *model) {
         }
         const Selection one = {NULL, i, 1};
         const int whole = real ? 0 : (int)value;
-        if (real) {
-            model_set_reals(&model->base, &one, &value, text);
-        } else if (model->type[i] == INTEGER) {
-            model_set_integers(&model->base, &one, &whole, text);
-        } else {
-            model_set_booleans(&model->base, &one, &whole, text);
-        }
+        model_set(&model->base, (Type)model->type[i], &one, real ? (const void *)&value : (const void *)&whole, text);
     }
 }
 

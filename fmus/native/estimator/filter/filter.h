@@ -5,13 +5,33 @@
 #ifndef FILTER_H
 #define FILTER_H
 
-#include "../map/map_resource.h"
 #include "../sample/inputs.h"
-#include "windows.h"
 
 /* The channels: loads and coefficients as they are put out, the flight state of a map with tables, then loads and coefficients
    in addition to the five. */
 enum { LOAD_CHANNELS = 0, COEFFICIENT_CHANNELS = N_LOADS, STATE_CHANNELS = 2 * N_LOADS };
+
+#define MOST_SPANS 40 /* up to 2^20 samples in one */
+
+/* Samples of a span: their number, the mean of their times [s], the sum of squares about it. */
+typedef struct {
+    double count, time, spread;
+} Span;
+
+/* By channel: mean, sum of products of time and value about their means, mean variance of the noise. */
+typedef struct {
+    Span span;
+    double *value, *product, *noise; /* (channels) */
+} Sums;
+
+typedef struct {
+    size_t channels, n_spans;
+    Span span[MOST_SPANS];           /* the oldest first */
+    double *value, *product, *noise; /* (MOST_SPANS, channels), as Sums has them */
+    /* Scratch. */
+    Sums sums;                /* of a window */
+    double *low[2], *high[2]; /* (channels) what is common to the intervals of means, of lines */
+} Windows;
 
 /* What a step leaves to the next one, in addition to the arrays; all of it float64, as serialised. */
 typedef struct {

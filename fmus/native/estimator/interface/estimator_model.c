@@ -15,7 +15,6 @@
 #include "../sample/readings.h"
 #include "../sample/air_data.h"
 #include "estimator_model.h"
-#include "estimator_state.h"
 #include "estimator_variables.h"
 
 void model_destroy(Model *model) {
@@ -185,142 +184,102 @@ static int event(Model *model, char text[MODEL_TEXT_SIZE]) {
     return 1;
 }
 
-static int wrong_type(size_t variable, char *text) {
-    snprintf(text, MODEL_TEXT_SIZE, WRONG_TYPE, (unsigned long)variable);
-    return 0;
+/* A whole number among the outputs, which is discrete in model exchange. */
+static double whole_value(Estimator *e, size_t place) {
+    double present[N_WHOLE];
+    whole_numbers(e, present);
+    return e->base.mode == CONTINUOUS_TIME ? e->settled[place] : present[place];
 }
 
-/* The present value of a real variable. */
-static double real_value(Estimator *e, Variable variable) {
-    const double *output = variable.kind == OUTPUT || variable.kind == AIR_DATA || variable.kind == OTHER_LOAD ? estimator_outputs(e) : NULL;
+/* The present value of a variable; of a truth value 0 or 1. */
+static double value_of(Estimator *e, Variable variable) {
+    const size_t place = variable.place;
+    const double *output = variable.kind <= OTHER_LOAD ? estimator_outputs(e) : NULL;
     switch (variable.kind) {
-    case OUTPUT: return output[variable.place];
-    case INPUT: return e->inputs.value[variable.place];
-    case AIR_DATA: return e->flight.real[variable.place];
-    case ZERO_IN_USE: return zeros_in_use(e)[variable.place];
-    case SCORE: return known_parameter_score(&e->inputs, variable.place);
-    default: return other_loads_of(e)[variable.place];
+    case OUTPUT:
+        if (variable_type(e, variable) != REAL) {
+            return whole_value(e, place == HEALTH_STATE ? 0 : place - VALID_GAUGES + 1);
+        }
+        return output[place];
+    case INPUT:
+        if (variable_type(e, variable) == ENUMERATION) {
+            const double stated = last_input(&e->inputs, Q_SOURCE); /* NaN for AUTO */
+            return stated <= (double)MACH_AND_ALTITUDE ? stated : (double)AUTO;
+        }
+        return e->inputs.value[place];
+    case VALID: return e->inputs.valid[place];
+    case AIR_DATA: return e->flight.real[place];
+    case FLIGHT_FLAG: return e->flight.flag[place];
+    case TARE_INPUT: return e->tare.up;
+    case TARE_STATE: return whole_value(e, TARE_WHOLE);
+    case ZERO_IN_USE: return zeros_in_use(e)[place];
+    case SCORE: return known_parameter_score(&e->inputs, place);
+    case USABLE: return is_usable(whole_value(e, 0));
+    default: return other_loads_of(e)[place];
     }
 }
 
-static int get_reals(Model *model, const Selection *which, double *value, char text[MODEL_TEXT_SIZE]) {
+static int get(Model *model, Type type, const Selection *which, void *value, char text[MODEL_TEXT_SIZE]) {
     Estimator *e = estimator_of(model);
     const size_t count = which->count;
-    if (which->listed == NULL && which->first < HEALTH_STATE && count <= HEALTH_STATE - which->first) {
-        memcpy(value, estimator_outputs(e) + which->first, count * sizeof *value);
+    if (type == REAL && which->listed == NULL && which->first < HEALTH_STATE && count <= HEALTH_STATE - which->first) {
+        memcpy(value, estimator_outputs(e) + which->first, count * sizeof(double));
         return 1;
     }
     for (size_t k = 0; k < count; k++) {
         const Variable variable = variable_of(e, selected(which, k));
-        if (variable_type(e, variable) != REAL) {
-            return wrong_type(selected(which, k), text);
+        if (!is_read_as(variable_type(e, variable), type)) {
+            snprintf(text, MODEL_TEXT_SIZE, WRONG_TYPE, (unsigned long)selected(which, k));
+            return 0;
         }
-        value[k] = real_value(e, variable);
+        put_value(type, value, k, value_of(e, variable));
     }
     return 1;
 }
 
-static int get_integers(Model *model, const Selection *which, int *value, char text[MODEL_TEXT_SIZE]) {
-    Estimator *e = estimator_of(model);
-    double present[N_WHOLE];
-    const double *whole = model->mode == CONTINUOUS_TIME ? e->settled : present;
-    whole_numbers(e, present);
-    for (size_t k = 0; k < which->count; k++) {
-        const Variable variable = variable_of(e, selected(which, k));
-        const Type type = variable_type(e, variable);
-        if (type != INTEGER && type != ENUMERATION) {
-            return wrong_type(selected(which, k), text);
-        }
-        if (variable.kind == INPUT) {
-            const double stated = last_input(&e->inputs, Q_SOURCE); /* NaN for AUTO */
-            value[k] = stated <= (double)MACH_AND_ALTITUDE ? (int)stated : AUTO;
-        } else {
-            const size_t place = variable.place == HEALTH_STATE ? 0 : variable.place - VALID_GAUGES + 1;
-            value[k] = (int)whole[variable.kind == TARE_STATE ? TARE_WHOLE : place];
-        }
+/* Give an input a value. 1; 0, after a message, if it is refused. */
+static int set_value(Estimator *e, Variable variable, Type type, double value, char *text) {
+    if (variable.kind == TARE_INPUT) {
+        e->tare.up = value != 0.0;
+        return 1;
+    }
+    if (type == INTEGER && !(value >= AUTO && value <= MACH_AND_ALTITUDE)) {
+        snprintf(text, MODEL_TEXT_SIZE, "q_source: %.0f found, must be from %d to %d", value, AUTO, MACH_AND_ALTITUDE);
+        return 0;
+    }
+    if (type == REAL) {
+        return estimator_set_input(e, variable.place, value, text);
+    }
+    estimator_before_change(e);
+    if (variable.kind == VALID) {
+        e->inputs.valid[variable.place] = value != 0.0;
+    } else {
+        e->inputs.value[variable.place] = value;
     }
     return 1;
 }
 
-static int get_booleans(Model *model, const Selection *which, int *value, char text[MODEL_TEXT_SIZE]) {
-    Estimator *e = estimator_of(model);
-    for (size_t k = 0; k < which->count; k++) {
-        const Variable variable = variable_of(e, selected(which, k));
-        switch (variable.kind) {
-        case VALID:
-            value[k] = e->inputs.valid[variable.place];
-            break;
-        case TARE_INPUT:
-            value[k] = e->tare.up;
-            break;
-        case USABLE:
-            value[k] = is_usable(model->mode == CONTINUOUS_TIME ? e->settled[0] : estimator_outputs(e)[HEALTH_STATE]);
-            break;
-        case FLIGHT_FLAG:
-            estimator_outputs(e);
-            value[k] = e->flight.flag[variable.place];
-            break;
-        default:
-            return wrong_type(selected(which, k), text);
-        }
-    }
-    return 1;
-}
-
-static int no_input(const char *type, size_t variable, char *text) {
-    snprintf(text, MODEL_TEXT_SIZE, "variable %lu is no %s input or parameter", (unsigned long)variable, type);
-    return 0;
-}
-
-static int set_reals(Model *model, const Selection *which, const double *value, char text[MODEL_TEXT_SIZE]) {
+static int set(Model *model, Type type, const Selection *which, const void *value, char text[MODEL_TEXT_SIZE]) {
+    static const char *const NAMES[] = {[REAL] = "real", [INTEGER] = "integer", [BOOLEAN] = "Boolean"};
     Estimator *e = estimator_of(model);
     const size_t n = e->map.n_gauges, count = which->count, gauge = which->first - N_OUTPUTS;
-    estimator_before_change(e);
-    if (which->listed == NULL && gauge < n && count <= n - gauge) {
-        memcpy(e->inputs.value + gauge, value, count * sizeof *value);
+    if (type == REAL) {
+        estimator_before_change(e);
+    }
+    if (type == REAL && which->listed == NULL && gauge < n && count <= n - gauge) {
+        memcpy(e->inputs.value + gauge, value, count * sizeof(double));
         readings_note_given(&e->inputs, gauge, gauge + count);
         return 1;
     }
     for (size_t k = 0; k < count; k++) {
         const Variable variable = variable_of(e, selected(which, k));
-        if (variable.kind != INPUT || variable_type(e, variable) != REAL) {
-            return no_input("real", selected(which, k), text);
-        }
-        if (!estimator_set_input(e, variable.place, value[k], text)) {
+        const int is_input = variable.kind == INPUT || variable.kind == VALID || variable.kind == TARE_INPUT;
+        if (!is_input || !is_read_as(variable_type(e, variable), type)) {
+            snprintf(text, MODEL_TEXT_SIZE, "variable %lu is no %s input or parameter", (unsigned long)selected(which, k), NAMES[type]);
             return 0;
         }
-    }
-    return 1;
-}
-
-static int set_integers(Model *model, const Selection *which, const int *value, char text[MODEL_TEXT_SIZE]) {
-    Estimator *e = estimator_of(model);
-    for (size_t k = 0; k < which->count; k++) {
-        const Variable variable = variable_of(e, selected(which, k));
-        if (variable.kind != INPUT || variable_type(e, variable) != ENUMERATION) {
-            return no_input("integer", selected(which, k), text);
-        }
-        if (value[k] < AUTO || value[k] > MACH_AND_ALTITUDE) {
-            snprintf(text, MODEL_TEXT_SIZE, "q_source: %d found, must be from %d to %d", value[k], AUTO, MACH_AND_ALTITUDE);
+        if (!set_value(e, variable, type, value_at(type, value, k), text)) {
             return 0;
-        }
-        estimator_before_change(e);
-        e->inputs.value[variable.place] = (double)value[k];
-    }
-    return 1;
-}
-
-static int set_booleans(Model *model, const Selection *which, const int *value, char text[MODEL_TEXT_SIZE]) {
-    Estimator *e = estimator_of(model);
-    for (size_t k = 0; k < which->count; k++) {
-        const Variable variable = variable_of(e, selected(which, k));
-        if (variable.kind == TARE_INPUT) {
-            e->tare.up = value[k] != 0;
-        } else if (variable.kind == VALID) {
-            estimator_before_change(e);
-            e->inputs.valid[variable.place] = value[k] != 0;
-        } else {
-            return no_input("Boolean", selected(which, k), text);
         }
     }
     return 1;
@@ -383,11 +342,6 @@ const ModelFacts MODEL = {
     .settle = settle,
     .unsettled = unsettled,
     .event = event,
-    .get_reals = get_reals,
-    .get_integers = get_integers,
-    .get_booleans = get_booleans,
-    .set_reals = set_reals,
-    .set_integers = set_integers,
-    .set_booleans = set_booleans,
-    .check_state = estimator_check_state,
+    .get = get,
+    .set = set,
 };

@@ -8,8 +8,6 @@
    checked first, and nothing of the instance changes where one is not allowed. core/state.c adds header and
    checksum. docs/developers/native.md, "States, derivatives, messages". */
 
-#include "estimator_state.h"
-
 #include <stdio.h>
 #include <string.h>
 
@@ -54,49 +52,51 @@ void model_write_state(const Model *model, unsigned char *bytes) {
     }
 }
 
-int estimator_check_state(const Model *model, const unsigned char *bytes, char text[MODEL_TEXT_SIZE]) {
-    const Estimator *e = estimator_of(model);
+/* What is wrong with bytes of a state; NULL if nothing is. */
+static const char *fault_of(const Estimator *e, const unsigned char *bytes) {
+    char text[MODEL_TEXT_SIZE];
     for (size_t i = 0; i < e->inputs.first[N_INPUT_RUNS]; i++) {
         if (!inputs_accept(&e->inputs, i, double_at(bytes, i), text)) {
-            snprintf(text, MODEL_TEXT_SIZE, "holds a setting that is not allowed");
-            return 0;
+            return "holds a setting that is not allowed";
         }
     }
     for (size_t i = 0; i < N_WHOLE; i++) {
         const double whole = double_at(bytes, e->inputs.first[N_INPUT_RUNS] + i);
         const size_t most = i == 0 ? OUTSIDE : i == TARE_WHOLE ? TARE_REFUSED : e->map.n_gauges;
         if (!(whole >= 0.0 && whole <= (double)most)) {
-            snprintf(text, MODEL_TEXT_SIZE, "holds a health or a number of gauges that there is not");
-            return 0;
+            return "holds a health or a number of gauges that there is not";
         }
     }
     for (size_t i = 0; i < e->map.n_gauges; i++) {
         if (bytes[sizeof(double) * (e->inputs.first[N_INPUT_RUNS] + N_WHOLE) + i] > VALID_BIT + GIVEN_BIT) {
-            snprintf(text, MODEL_TEXT_SIZE, "holds a gauge that is neither valid nor not");
-            return 0;
+            return "holds a gauge that is neither valid nor not";
         }
     }
     if (!tare_state_fits(&e->tare, bytes + input_size(e))) {
-        snprintf(text, MODEL_TEXT_SIZE, "holds a tare that cannot be");
-        return 0;
+        return "holds a tare that cannot be";
     }
     if (!renewal_state_fits(&e->renewal, e->map.largest_zero, bytes + tared_size(e))) {
-        snprintf(text, MODEL_TEXT_SIZE, "holds zero offsets that are not allowed");
-        return 0;
+        return "holds zero offsets that are not allowed";
     }
     if (!filter_state_fits(&e->filter, bytes + linear_size(e))) {
-        snprintf(text, MODEL_TEXT_SIZE, "holds samples of the filter that cannot be");
-        return 0;
+        return "holds samples of the filter that cannot be";
     }
     if (e->flight.present) {
         Track track;
         memcpy(&track, bytes + linear_size(e) + filter_state_size(&e->filter), sizeof track);
         if (!flight_track_fits(&e->flight, &track)) {
-            snprintf(text, MODEL_TEXT_SIZE, "holds a flight state that cannot be");
-            return 0;
+            return "holds a flight state that cannot be";
         }
     }
-    return 1;
+    return NULL;
+}
+
+int model_check_state(const Model *model, const unsigned char *bytes, char text[MODEL_TEXT_SIZE]) {
+    const Floating host = floating_enter();
+    const char *fault = fault_of(estimator_of(model), bytes);
+    floating_leave(&host);
+    snprintf(text, MODEL_TEXT_SIZE, "%s", fault != NULL ? fault : "");
+    return fault == NULL;
 }
 
 void model_read_state(Model *model, const unsigned char *bytes) {

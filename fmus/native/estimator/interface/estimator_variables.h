@@ -10,10 +10,11 @@ static inline Estimator *estimator_of(const Model *model) {
     return (Estimator *)(uintptr_t)model; /* its first member */
 }
 
-/* What a variable stands for: a number of estimator->output, of inputs.value, of inputs.valid, of the nonlinear estimator's
-   real outputs or flags, of the values of other loads, of the tare; a zero in use; the score of a flow parameter. */
+/* What a variable stands for. First what estimator_outputs computes: a number of estimator->output, of the nonlinear
+   estimator's real outputs or flags, of the values of other loads. Then one of inputs.value, of inputs.valid, of the tare; a
+   zero in use; the score of a flow parameter. */
 typedef enum {
-    OUTPUT, INPUT, VALID, AIR_DATA, FLIGHT_FLAG, OTHER_LOAD, TARE_INPUT, TARE_STATE, ZERO_IN_USE, SCORE, USABLE, NOTHING
+    OUTPUT, AIR_DATA, FLIGHT_FLAG, OTHER_LOAD, INPUT, VALID, TARE_INPUT, TARE_STATE, ZERO_IN_USE, SCORE, USABLE, NOTHING
 } VariableKind;
 
 typedef struct {
