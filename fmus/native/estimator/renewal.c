@@ -29,8 +29,7 @@
 
 void renewal_arrays(size_t n_strains, Renewal *renewal, Room *room) {
     renewal->n_strains = n_strains;
-    renewal->held = taken(room, number_of_zeros(n_strains));
-    renewal->target = taken(room, number_of_zeros(n_strains));
+    TAKE(room, number_of_zeros(n_strains), &renewal->held, &renewal->target);
 }
 
 static void forget_parts(Renewal *renewal) {

@@ -66,15 +66,10 @@ enum { MEAN, LINE, N_FITS };
 /* Hand out the arrays: first the three that are kept; channels is set. */
 static void windows_arrays(Windows *windows, Room *room) {
     const size_t channels = windows->channels;
-    windows->value = taken(room, MOST_SPANS * channels);
-    windows->product = taken(room, MOST_SPANS * channels);
-    windows->noise = taken(room, MOST_SPANS * channels);
-    windows->sums.value = taken(room, channels);
-    windows->sums.product = taken(room, channels);
-    windows->sums.noise = taken(room, channels);
+    TAKE(room, MOST_SPANS * channels, &windows->value, &windows->product, &windows->noise);
+    TAKE(room, channels, &windows->sums.value, &windows->sums.product, &windows->sums.noise);
     for (int fit = 0; fit < N_FITS; fit++) {
-        windows->low[fit] = taken(room, channels);
-        windows->high[fit] = taken(room, channels);
+        TAKE(room, channels, &windows->low[fit], &windows->high[fit]);
     }
 }
 
@@ -283,17 +278,10 @@ static void lay_out(void *part, Room *room) {
     const size_t channels = filter->channels;
     filter->row = taken(room, filter->n_row);
     filter->kept = filter->held = taken(room, filter->n_held);
-    filter->last_value = taken(room, channels);
-    filter->last_variance = taken(room, channels);
-    filter->last_rate = taken(room, channels);
+    TAKE(room, channels, &filter->last_value, &filter->last_variance, &filter->last_rate);
     windows_arrays(&filter->windows, room);
-    filter->value = taken(room, channels);
-    filter->variance = taken(room, channels);
-    filter->noise = taken(room, channels);
-    filter->mean = taken(room, channels);
-    filter->left = taken(room, channels);
-    filter->factor = taken(room, channels);
-    filter->rate = taken(room, channels);
+    TAKE(room, channels, &filter->value, &filter->variance, &filter->noise, &filter->mean, &filter->left,
+         &filter->factor, &filter->rate);
     filter->latest = taken(room, filter->n_held);
 }
 

@@ -186,9 +186,7 @@ void known_arrays(FlightMap *flight, FlightSolver *solver, FlightOtherLoads *oth
         made_arrays(map, other_loads, n_gauges + loads, known->shift, &known->other_loads, &own->other_loads, room);
     }
     own->scaled_covariance = taken(room, n * n);
-    known->value = taken(room, in_lanes(map->n_parameters));
-    known->std = taken(room, in_lanes(map->n_parameters));
-    known->weight = taken(room, in_lanes(map->n_parameters));
+    TAKE(room, in_lanes(map->n_parameters), &known->value, &known->std, &known->weight);
     known->along = taken(room, in_lanes(map->n_powers));
     known->products = taken(room, known_product_size(map, n_gauges));
     if (room->next == NULL) {

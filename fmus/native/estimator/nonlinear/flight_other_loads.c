@@ -36,8 +36,7 @@ void flight_other_loads_arrays(FlightOtherLoads *other_loads, size_t n_gauges, R
     if (map->n_rows > 0) {
         flight_tables_arrays(map, &other_loads->tables, room);
         response_arrays(map, &other_loads->response, room);
-        other_loads->turned = taken(room, map->n_rows * in_lanes(n_gauges));
-        other_loads->full_turned = taken(room, map->n_rows * in_lanes(n_gauges));
+        TAKE(room, map->n_rows * in_lanes(n_gauges), &other_loads->turned, &other_loads->full_turned);
         other_loads->others = taken(room, map->n_rows * MOST_OTHERS);
     }
 }

@@ -29,24 +29,13 @@ void flight_solver_arrays(const FlightMap *map, size_t n_gauges, int wide, Fligh
     solver->wide = wide;
     flight_tables_arrays(&map->tables, &solver->tables, room);
     response_arrays(&map->tables, &solver->response, room);
-    solver->gauge_covariance = taken(room, n * n);
-    solver->scaled_covariance = taken(room, n * n);
-    solver->considered_covariance = taken(room, n * n);
-    solver->factor = taken(room, n * n);
-    solver->full.factor = taken(room, n * n);
-    solver->inverse = taken(room, n * n);
-    solver->search_strain = taken(room, SEARCH_STARTS * SEARCH_STATES * n);
-    solver->search_whitened = taken(room, SEARCH_STARTS * SEARCH_STATES * n);
+    TAKE(room, n * n, &solver->gauge_covariance, &solver->scaled_covariance, &solver->considered_covariance,
+         &solver->factor, &solver->full.factor, &solver->inverse);
+    TAKE(room, SEARCH_STARTS * SEARCH_STATES * n, &solver->search_strain, &solver->search_whitened);
     solver->search_factor = taken(room, n * n);
-    solver->search_weight = taken(room, n);
-    solver->search_slope[0] = taken(room, n);
-    solver->search_slope[1] = taken(room, n);
-    solver->sample.strain = taken(room, n);
-    solver->solution.standardised_residual = taken(room, n);
-    solver->squares = taken(room, n);
-    solver->right = taken(room, N_RIGHT * n);
-    solver->turned = taken(room, N_RIGHT * n);
-    solver->full.right = taken(room, N_RIGHT * n);
+    TAKE(room, n, &solver->search_weight, &solver->search_slope[0], &solver->search_slope[1], &solver->sample.strain,
+         &solver->solution.standardised_residual, &solver->squares);
+    TAKE(room, N_RIGHT * n, &solver->right, &solver->turned, &solver->full.right);
     solver->full.turned = taken(room, N_LOADS * n);
     solver->columns = taken(room, (map->n_common + map->n_considered_common + 2) * n);
     solver->shapes = taken(room, map->n_shapes * n);

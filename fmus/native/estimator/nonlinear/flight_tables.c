@@ -52,8 +52,7 @@ void flight_tables_arrays(const TableMap *map, FlightTables *tables, Room *room)
     tables->harmonics = harmonics;
     tables->width = map->n_channels * harmonics;
     tables->cells = taken(room, cells_of(map) * tables->width);
-    tables->cosine = taken(room, map->n_terms * harmonics);
-    tables->sine = taken(room, map->n_terms * harmonics);
+    TAKE(room, map->n_terms * harmonics, &tables->cosine, &tables->sine);
     for (int k = 0; k < 3; k++) {
         tables->amplitude[k] = taken(room, tables->width);
     }

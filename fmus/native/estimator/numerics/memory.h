@@ -45,6 +45,14 @@ static inline double *taken(Room *room, size_t count) {
     return piece(room, count, sizeof(double));
 }
 
+/* The next pieces, of `count` doubles each. */
+#define TAKE(room, count, ...) take_each(room, count, (double **[]){__VA_ARGS__, NULL})
+static inline void take_each(Room *room, size_t count, double **const array[]) {
+    for (; *array != NULL; array++) {
+        **array = taken(room, count);
+    }
+}
+
 /* Give a part of an estimator a block for all its pieces, by the function that lists them; what lies in it is filled in where
    room->next is not NULL. 1; 0 where there is no memory. */
 typedef void ListPieces(void *part, Room *room);

@@ -59,12 +59,10 @@ static void lay_out(void *part, Room *room) {
     /* A, left, L and its inverse, strain by whitened amplitudes, then gains before they are laid out in panels. */
     const size_t scratch = m * k + k * k + k * (k + 1) + n * k + 2 * n * m + columns + ROWS;
     thermal->gain = taken(room, rows * columns);
-    thermal->own = taken(room, n * n);
-    thermal->noise = taken(room, n * n);
+    TAKE(room, n * n, &thermal->own, &thermal->noise);
     thermal->rise = taken(room, columns);
     thermal->of_gauge = taken(room, rows);
-    thermal->factor = taken(room, n);
-    thermal->offset = taken(room, n);
+    TAKE(room, n, &thermal->factor, &thermal->offset);
     thermal->information = taken(room, k * k);
     thermal->amplitude = taken(room, k * m);
     thermal->scratch = taken(room, scratch);

@@ -155,15 +155,11 @@ static size_t n_other(const AddedNoise *noise) {
 
 static void matrices_arrays(const Map *map, size_t others, NoiseMatrices *set, Room *room) {
     const size_t n = map->n_gauges, triangle = n * (n + 1) / 2;
-    set->residual_triangle = taken(room, triangle);
-    set->noise_whitening = taken(room, triangle);
+    TAKE(room, triangle, &set->residual_triangle, &set->noise_whitening);
     set->min_precision = taken(room, n);
     set->whitening = taken(room, n * n);
-    set->singular = taken(room, n);
-    set->form_min_precision = taken(room, n);
-    set->load = taken(room, N_LOADS * n);
-    set->noise_left = taken(room, N_LOADS * n);
-    set->prior_left = taken(room, N_LOADS * n);
+    TAKE(room, n, &set->singular, &set->form_min_precision);
+    TAKE(room, N_LOADS * n, &set->load, &set->noise_left, &set->prior_left);
     set->unseen = taken(room, N_LOADS * N_LOADS);
     set->other_load = taken(room, n * others);
     set->other_unseen = taken(room, others);

@@ -88,11 +88,8 @@ void current_errors_arrays(Scaled *scaled, Room *room) {
     errors->lost_along = taken(room, n * dense_rows(common));
     errors->sized = taken(room, dense_rows(common));
     errors->common = taken(room, common * whole);
-    errors->weighted = taken(room, loads * whole);
-    errors->gain = taken(room, loads * whole);
-    errors->unresolved = taken(room, whole);
-    errors->precision = taken(room, whole);
-    errors->product = taken(room, whole);
+    TAKE(room, loads * whole, &errors->weighted, &errors->gain);
+    TAKE(room, whole, &errors->unresolved, &errors->precision, &errors->product);
     errors->powers = taken(room, dense_columns(N_FACTORS));
     errors->value = taken(room, dense_rows(FIVE_VALUES));
     errors->own = taken(room, whole);
@@ -100,9 +97,7 @@ void current_errors_arrays(Scaled *scaled, Room *room) {
         errors->interval[k].factor = taken(room, dense_rows(values) * dense_columns(N_FACTORS));
     }
     for (size_t k = 0; k < CACHED_INTERVALS; k++) {
-        errors->interval[k].least_precision = taken(room, n);
-        errors->interval[k].margin = taken(room, n);
-        errors->interval[k].bound = taken(room, n);
+        TAKE(room, n, &errors->interval[k].least_precision, &errors->interval[k].margin, &errors->interval[k].bound);
     }
     errors->polynomial = taken(room, values * N_FACTORS);
     errors->common_load = taken(room, 6 * loads);

@@ -48,9 +48,7 @@ static void masked_map_arrays(const Map *map, MaskedMap *masked, Room *room) {
 
 static void workspace_arrays(const Map *map, Workspace *work, Room *room) {
     const size_t n = map->n_gauges;
-    work->first = taken(room, n * n);
-    work->second = taken(room, n * n);
-    work->third = taken(room, n * n);
+    TAKE(room, n * n, &work->first, &work->second, &work->third);
     work->order = piece(room, n, sizeof *work->order);
 }
 
@@ -206,8 +204,7 @@ void prepared_arrays(Map *map, size_t n_strains, Prepared *prepared, Room *room)
     workspace_arrays(map, &prepared->work, room);
     added_noise_arrays(map, &prepared->noise, room);
     prepared->n_strains = n_strains;
-    prepared->noise_std = taken(room, n_strains + 1);
-    prepared->next_std = taken(room, n_strains + 1);
+    TAKE(room, n_strains + 1, &prepared->noise_std, &prepared->next_std);
 }
 
 int prepared_begin(Prepared *prepared) {

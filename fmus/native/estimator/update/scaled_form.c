@@ -43,34 +43,21 @@ static int gain_differs(const Map *map) {
 void scaled_arrays(Scaled *scaled, Room *room) {
     const size_t n = scaled->map->n_gauges, columns = dense_columns(n), whole = dense_rows(n), narrow = narrow_rows(n);
     ScaledStep *step = &scaled->step;
-    scaled->rows = taken(room, whole * columns);
-    scaled->columns = taken(room, whole * columns);
-    scaled->square = taken(room, whole * columns);
+    TAKE(room, whole * columns, &scaled->rows, &scaled->columns, &scaled->square);
     scaled->squares = taken(room, N_VALUES * columns);
     scaled->loads = taken(room, ROWS * columns);
     scaled->screen = piece(room, narrow * columns, sizeof *scaled->screen);
-    scaled->mean = taken(room, whole);
-    step->unresolved = taken(room, whole);
-    step->weight = taken(room, whole);
-    step->spread = taken(room, whole);
-    step->w = taken(room, whole);
-    scaled->mean_left = taken(room, whole);
-    step->x = taken(room, whole);
-    step->scratch[0] = taken(room, whole);
-    step->scratch[1] = taken(room, whole);
+    TAKE(room, whole, &scaled->mean, &step->unresolved, &step->weight, &step->spread, &step->w, &scaled->mean_left,
+         &step->x, &step->scratch[0], &step->scratch[1]);
     step->bound = taken(room, narrow);
     step->narrow = piece(room, narrow, sizeof *step->narrow);
     step->narrow_z = piece(room, narrow, sizeof *step->narrow_z);
-    step->z = taken(room, n);
-    scaled->size = taken(room, n);
-    scaled->own_mean = taken(room, whole);
-    scaled->residual = taken(room, whole);
-    step->y = taken(room, n * whole);
-    scaled->of_lost = taken(room, n * whole);
+    TAKE(room, n, &step->z, &scaled->size);
+    TAKE(room, whole, &scaled->own_mean, &scaled->residual);
+    TAKE(room, n * whole, &step->y, &scaled->of_lost);
     lost_rows_arrays(n, &step->qr_of_truth, room);
     lost_rows_arrays(n, &step->qr_of_gain, room);
-    step->growth = taken(room, N_LOADS * n);
-    scaled->shift = taken(room, N_LOADS * n);
+    TAKE(room, N_LOADS * n, &step->growth, &scaled->shift);
     scaled->of_gain = taken(room, n);
     if (!gain_differs(scaled->map)) {
         scaled->of_gain = NULL;

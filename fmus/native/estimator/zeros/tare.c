@@ -84,8 +84,7 @@ static void lay_out(void *part, Room *room) {
     tare->zero = taken(room, 2 * n + 1);
     window_arrays(&tare->window, n, room);
     tare->judged = taken(room, 2 * n + 1);
-    tare->statistics.mean = taken(room, n);
-    tare->statistics.scatter = taken(room, n);
+    TAKE(room, n, &tare->statistics.mean, &tare->statistics.scatter);
     tare->statistics.stretch = taken(room, MAX_STRETCHES * n);
     tare->reading = taken(room, n);
     tare->scratch = taken(room, judge_doubles(n, tare->limits.n_patterns));

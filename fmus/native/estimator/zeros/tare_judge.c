@@ -49,10 +49,8 @@ size_t window_doubles(size_t n_gauges) {
 
 void window_arrays(TareWindow *window, size_t n_gauges, Room *room) {
     window->n_gauges = n_gauges;
-    window->first = taken(room, n_gauges);
-    window->square = taken(room, n_gauges);
-    window->total = taken(room, MAX_STRETCHES * n_gauges);
-    window->count = taken(room, MAX_STRETCHES * n_gauges);
+    TAKE(room, n_gauges, &window->first, &window->square);
+    TAKE(room, MAX_STRETCHES * n_gauges, &window->total, &window->count);
 }
 
 void window_begin(TareWindow *window) {
