@@ -26,7 +26,6 @@
 #include "numerics/wide.h"
 #include "policies/filtered_outputs.h"
 #include "policies/health.h"
-#include "sample/readings.h"
 
 /* Iterations of a step that does not search the tables; a search takes more. */
 #define SHORT_ITERATIONS 16

@@ -17,8 +17,8 @@
 #include <string.h>
 
 #include "core/instance.h"
+#include "core/resource.h"
 #include "core/state.h"
-#include "core/uri_path.h"
 #include "estimator/estimator.h"
 #include "estimator/estimator_derivative.h"
 #include "estimator/interface/strainload.h"

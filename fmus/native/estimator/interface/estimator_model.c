@@ -12,7 +12,6 @@
 
 #include "../estimator_derivative.h"
 #include "../policies/health.h"
-#include "../sample/readings.h"
 #include "../sample/air_data.h"
 #include "estimator_model.h"
 #include "estimator_variables.h"

@@ -12,7 +12,6 @@
 #include <math.h>
 #include <string.h>
 
-#include "../sample/readings.h"
 #include "../update/scaled_form.h"
 
 #define N_ENTRIES (N_LOADS * N_LOADS)

@@ -14,7 +14,6 @@
 
 #include "../../core/floating.h"
 #include "../policies/flight.h"
-#include "../sample/readings.h"
 #include "estimator_model.h"
 #include "fit.h"
 #include "../zeros/tare.h"

@@ -4,7 +4,7 @@
 #define FLIGHT_KNOWN_H
 
 #include "../sample/inputs.h"
-#include "flight_other_loads.h"
+#include "flight_loads.h"
 #include "flight_solver.h"
 
 /* Part "parameter_tables" of map.bin: tables and errors that follow known flow parameters, as sums over powers of

@@ -25,7 +25,7 @@
    and without what is inconsistent; ends are kept for the step by the precisions that they belong to.
 
    Where gauges are lost the grid also gives other minima: states over incidence and roll angle, at the best Mach
-   number, no neighbour of which costs less (policies/other_solutions.c). docs/explanation/nonlinear_estimator.md,
+   number, no neighbour of which costs less (policies/ambiguity.c). docs/explanation/nonlinear_estimator.md,
    "Estimate" and "Lost gauges"; starts, grid and _joined in strainfmu/estimator/reference/nonlinear.py. */
 
 #include "flight_search.h"
@@ -72,7 +72,7 @@ static void set_state(const FlightSolver *solver, size_t start, size_t which, do
     state[STATE_W] = middle[1] + size[1] * solver->search_sine[which % SEARCH_ROLLS];
 }
 
-/* Slopes of strain by u and w at p_inf = 1 Pa in the middle of the ranges: policies/other_solutions.c takes from
+/* Slopes of strain by u and w at p_inf = 1 Pa in the middle of the ranges: policies/ambiguity.c takes from
    them how well the gauges in use separate a flow from its mirror image. */
 static void set_slopes(FlightSolver *solver) {
     const double *middle = solver->map->crossflow_middle;

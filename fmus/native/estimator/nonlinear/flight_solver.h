@@ -27,7 +27,7 @@ typedef struct {
 #define ASIDE_ITERATIONS 3
 
 /* Other solutions that are looked for where gauges are lost, each by the iterations of a start of the search: mirror images
-   and the best other minima of the search's states: policies/other_solutions.c. */
+   and the best other minima of the search's states: policies/ambiguity.c. */
 #define MOST_MINIMA 3
 #define MOST_OTHERS (4 + MOST_MINIMA)
 

@@ -35,6 +35,8 @@
 #define ASIDE 3.0
 #define LARGEST_ASIDE 3.0
 #define LEAST_EXCESS 4.0
+/* Excess of -2 ln likelihood by which another state is better and takes the place of the solution. */
+#define BETTER 9.0
 static const double UNLIKELY[2] = {16.0, 25.0}, UNEXPLAINED[2] = {4.0, 9.0};
 
 #define N_INNER STATE_PRESSURE /* Mach number, u and w; ln p_inf is the last of the state */
@@ -71,7 +73,8 @@ static double risen(double value, const double *ends) {
     return clipped((value - ends[0]) / (ends[1] - ends[0]), 0.0, 1.0);
 }
 
-double flight_weight_of_excess(double excess) {
+/* How much another state counts by its excess. */
+static double flight_weight_of_excess(double excess) {
     return 1.0 - risen(excess, UNLIKELY);
 }
 
@@ -220,4 +223,235 @@ void flight_search_more(FlightSolver *solver) {
     find_widening(solver, widening);
     flight_solve_again(solver, weighted_at, state);
     flight_widen(solver, widening);
+}
+
+/* Other flows that the gauges in use read alike where some are lost: they are looked for, and their differences
+   widen the covariances.
+
+   Gauges near one plane through the axis read a flow and its mirror image alike, and a few gauges may have several
+   solutions. Starts are the best other minima of the search's grid (flight_search.c) and mirror images of the
+   estimate. The plane follows from the information that the gauges in use have on the flow direction,
+
+       N (2, 2) = sum over gauges of s_g s_g' / S_gg,      s_g = d y_g / d(u, w) at p_inf = 1 Pa,
+
+   whose eigenvector of the smaller eigenvalue is the normal n of the plane; the mirror image of (u, w) is (u, w) - 2
+   n n' (u, w). A start is iterated only if its first Gauss-Newton step leads elsewhere (leads_elsewhere) and the
+   strain of both is not so different that one is out of the question (DISTINCT). With E the excess of -2 ln
+   likelihood over the best, another solution at a difference delta adds
+
+       PART weight(E) delta delta',     weight = 1 up to E = 16, 0 from 25 on,
+
+   to the covariances: with PART = 1/4 three standard deviations reach half of delta beyond it. One that is better by
+   BETTER takes the place of the solution. docs/explanation/nonlinear_estimator.md, "Lost gauges". */
+
+/* Squares of distances, in standard deviations: of strain, from which a state and its mirror image are distinct without an
+   iteration, and above which the first iteration must come; of states, up to which two are the same. */
+#define DISTINCT 1e3
+#define PREDICTED 1e2
+#define SAME 0.1
+
+/* Part of the square of a difference that counts as variance: three standard deviations reach half of it beyond. */
+#define PART 0.25
+
+/* Solutions of a sample; the first is the one that was found. */
+typedef struct {
+    size_t count;
+    double state[1 + MOST_OTHERS][N_STATES], deviance[1 + MOST_OTHERS];
+} Solutions;
+
+/* What flight_solve_again leaves out of a solution. */
+typedef struct {
+    double weighted_at[N_STATES], widening[N_WIDENING], residual[N_NAVIGATION];
+} Kept;
+
+int flight_gauges_are_lost(const FlightSolver *solver) {
+    size_t lost = 0;
+    for (size_t g = 0; g < solver->n_gauges; g++) {
+        lost += !solver->sample.used[g];
+    }
+    return lost > 0;
+}
+
+/* Eigenvalues of N, the smaller one first, and the unit normal that belongs to it. 0 where N is a multiple of the
+   unit matrix: every plane is as near. */
+static int nearest_plane(const FlightSolver *solver, double normal[2], double information[2]) {
+    double of_u = 0.0, of_w = 0.0, of_both = 0.0;
+    for (size_t g = 0; g < solver->n_gauges; g++) {
+        const double weight = solver->sample.used[g] ? solver->search_weight[g] : 0.0;
+        const double by_u = weight * solver->search_slope[0][g], by_w = weight * solver->search_slope[1][g];
+        of_u += by_u * by_u;
+        of_w += by_w * by_w;
+        of_both += by_u * by_w;
+    }
+    const double difference = 0.5 * (of_u - of_w), radius = sqrt(difference * difference + of_both * of_both);
+    if (!(radius > 0.0)) {
+        return 0;
+    }
+    /* Half of the angle 2 phi of the eigenvector, by cos phi = sqrt((1 + |cos 2 phi|) / 2): no difference cancels. */
+    const double cosine = difference / radius, sine = of_both / radius; /* of twice the plane's roll angle */
+    const double larger = sqrt(0.5 * (1.0 + fabs(cosine))), smaller = -0.5 * sine / larger;
+    normal[0] = cosine < 0.0 ? larger : smaller;
+    normal[1] = cosine < 0.0 ? smaller : larger;
+    information[0] = 0.5 * (of_u + of_w) - radius;
+    information[1] = 0.5 * (of_u + of_w) + radius;
+    return 1;
+}
+
+/* The distance [rad] from a plane up to which a state is next to it: half of that between two incidences of the search. */
+static double next_to_plane(const FlightMap *map) {
+    const double *half = map->crossflow_half;
+    return 0.5 * (half[0] < half[1] ? half[0] : half[1]) / SEARCH_STARTS;
+}
+
+/* Mirror images of a state about the plane of a normal; their number. Next to the plane, where iterations that have
+   come upon it stay, there is one start on each side. */
+static size_t image_starts(const FlightSolver *solver, const double *state, const double normal[2], double information,
+                           double start[][N_STATES]) {
+    const double near = next_to_plane(solver->map), pressure = solver->response.pressure;
+    const double off = normal[0] * state[STATE_U] + normal[1] * state[STATE_W];
+    const double reach = fabs(off) > near ? fabs(off) : near;
+    if (pressure * pressure * information * (4.0 * reach * reach) > DISTINCT) {
+        return 0;
+    }
+    const size_t count = fabs(off) > near ? 1 : 2;
+    for (size_t s = 0; s < count; s++) {
+        const double to = count == 1 ? -off : s == 0 ? near : -near;
+        memcpy(start[s], state, N_STATES * sizeof *state);
+        start[s][STATE_U] += (to - off) * normal[0];
+        start[s][STATE_W] += (to - off) * normal[1];
+    }
+    return count;
+}
+
+static size_t mirror_starts(const FlightSolver *solver, const double *state, double start[][N_STATES]) {
+    double normal[2], information[2];
+    if (!nearest_plane(solver, normal, information)) {
+        return 0;
+    }
+    const double across[2] = {-normal[1], normal[0]};
+    const size_t count = image_starts(solver, state, normal, information[0], start);
+    return count + image_starts(solver, state, across, information[1], start + count);
+}
+
+/* Whether iterations from a start may end in another solution of about the same cost. The first step decides: it has
+   to lead to a place that is farther from the estimate than from the start, and not next to a plane. */
+static int leads_elsewhere(FlightSolver *solver, const double *start, const double *state, double cost) {
+    double inverse[N_STATES * N_STATES], from_start = 0.0, from_state = 0.0;
+    flight_linearise_at(solver, start);
+    invert_small(N_STATES, solver->hessian, inverse);
+    for (size_t k = STATE_U; k <= STATE_W; k++) {
+        double step = 0.0;
+        for (size_t j = 0; j < N_STATES; j++) {
+            step += inverse[k * N_STATES + j] * solver->gradient[j];
+        }
+        const double apart = start[k] + step - state[k];
+        from_start += step * step;
+        from_state += apart * apart;
+    }
+    /* g' H^-1 g: the decrease of the cost that the step predicts. */
+    const double gained = quadratic(N_STATES, solver->gradient, inverse, solver->gradient);
+    const double near = 0.5 * next_to_plane(solver->map);
+    return from_state > from_start && from_state > near * near && solver->cost - gained < cost + PREDICTED;
+}
+
+/* Whether the state of the problem is one of the solutions, within SAME of a standard deviation squared. */
+static int is_among(const FlightSolver *solver, const Solutions *all) {
+    int found = 0;
+    for (size_t s = 0; s < all->count; s++) {
+        double apart[N_STATES];
+        for (size_t k = 0; k < N_STATES; k++) {
+            apart[k] = all->state[s][k] - solver->state[k];
+        }
+        found |= quadratic(N_STATES, apart, solver->hessian, apart) < SAME;
+    }
+    return found;
+}
+
+/* Solutions from all starts that lead elsewhere. Where none does, the problem is brought back to what it was: most
+   samples end here. */
+static int find_solutions(FlightSolver *solver, Solutions *all) {
+    double start[MOST_OTHERS][N_STATES];
+    const double cost = solver->cost;
+    size_t starts = flight_search_minima(solver, all->state[0], start), count = 0;
+    starts += mirror_starts(solver, all->state[0], start + starts);
+    for (size_t s = 0; s < starts; s++) {
+        if (leads_elsewhere(solver, start[s], all->state[0], cost)) {
+            memmove(start[count++], start[s], sizeof start[s]);
+        }
+    }
+    if (count == 0) {
+        flight_linearise_at(solver, all->state[0]);
+        return 0;
+    }
+    flight_linearise_anew(solver, all->state[0]);
+    all->deviance[0] = flight_deviance(solver);
+    for (size_t s = 0; s < count; s++) {
+        const double deviance = flight_iterate_start(solver, start[s]);
+        if (!is_among(solver, all)) {
+            memcpy(all->state[all->count], start[s], sizeof start[s]);
+            all->deviance[all->count++] = deviance;
+        }
+    }
+    return 1;
+}
+
+static void add_difference(size_t order, double part, const double *value, const double *other, double *covariance) {
+    for (size_t i = 0; i < order; i++) {
+        for (size_t j = 0; j < order; j++) {
+            covariance[i * order + j] += part * ((other[i] - value[i]) * (other[j] - value[j]));
+        }
+    }
+}
+
+/* The solution from the best state on, with the differences to the others. Loads and coefficients of each are
+   computed at its own state. */
+static void conclude(FlightSolver *solver, const Solutions *all, size_t best, const Kept *kept) {
+    Solution *solution = &solver->solution;
+    double part[MOST_OTHERS], loads[MOST_OTHERS][N_LOADS], coefficients[MOST_OTHERS][N_LOADS];
+    size_t other[MOST_OTHERS], n_others = 0;
+    for (size_t s = 0; s < all->count; s++) {
+        const double weight = flight_weight_of_excess(all->deviance[s] - all->deviance[best]);
+        if (s == best || !(weight > 0.0)) {
+            continue;
+        }
+        flight_linearise_anew(solver, all->state[s]);
+        flight_weigh_full(solver, N_STATES);
+        flight_set_loads(solver);
+        memcpy(loads[n_others], solution->loads, sizeof solution->loads);
+        memcpy(coefficients[n_others], solution->coefficients, sizeof solution->coefficients);
+        part[n_others] = PART * weight;
+        other[n_others++] = s;
+    }
+    flight_solve_again(solver, best == 0 ? kept->weighted_at : all->state[best], all->state[best]);
+    memcpy(solution->navigation_residual, kept->residual, sizeof kept->residual);
+    if (kept->widening[0] != 0.0) {
+        flight_widen(solver, kept->widening);
+    }
+    solution->n_others = n_others;
+    for (size_t s = 0; s < n_others; s++) {
+        const double *state = all->state[other[s]];
+        solution->other_part[s] = part[s];
+        memcpy(solution->other_state[s], state, sizeof solution->other_state[s]);
+        add_difference(N_STATES, part[s], solution->state, state, solution->widened_covariance);
+        add_difference(N_LOADS, part[s], solution->loads, loads[s], solution->load_covariance);
+        add_difference(N_LOADS, part[s], solution->coefficients, coefficients[s], solution->coefficient_covariance);
+    }
+}
+
+void flight_look_for_others(FlightSolver *solver) {
+    const Solution *solution = &solver->solution;
+    Solutions all = {.count = 1};
+    Kept kept;
+    memcpy(all.state[0], solution->state, sizeof solution->state);
+    memcpy(kept.weighted_at, solver->factor_state, sizeof kept.weighted_at);
+    memcpy(kept.widening, solution->widening, sizeof kept.widening);
+    memcpy(kept.residual, solution->navigation_residual, sizeof kept.residual);
+    if (!find_solutions(solver, &all)) {
+        return;
+    }
+    size_t best = 0;
+    for (size_t s = 1; s < all.count; s++) {
+        best = all.deviance[s] < all.deviance[0] - BETTER && all.deviance[s] < all.deviance[best] ? s : best;
+    }
+    conclude(solver, &all, best, &kept);
 }

@@ -1,5 +1,6 @@
-/* Flight states that fit about as well as the estimated one, where navigation does not give the pressure:
-   docs/explanation/nonlinear_estimator.md. */
+/* Flight states that fit about as well as the estimated one: where navigation does not give the pressure, and other flows that
+   the gauges in use read alike where some are lost, or where inertia may have strained them: mirror images of gauges near one
+   plane through the axis, several solutions of a few gauges. docs/explanation/nonlinear_estimator.md. */
 
 #ifndef AMBIGUITY_H
 #define AMBIGUITY_H
@@ -9,11 +10,6 @@
 /* Whether navigation gives neither p_inf nor q_inf. */
 int flight_pressure_unknown(const FlightSolver *solver);
 
-/* Excess of -2 ln likelihood by which another state is better and takes the place of the solution; and how much another one
-   counts by its excess: wholly up to 16, not at all from 25 on, linearly between. */
-#define BETTER 9.0
-double flight_weight_of_excess(double excess);
-
 /* Widen the covariances of the solution by factors on standard deviations (N_WIDENING). */
 void flight_widen(FlightSolver *solver, const double *widening);
 
@@ -21,5 +17,11 @@ void flight_widen(FlightSolver *solver, const double *widening);
    it that fits better. */
 void flight_widen_searched(FlightSolver *solver);
 void flight_search_more(FlightSolver *solver);
+
+int flight_gauges_are_lost(const FlightSolver *solver);
+
+/* Add the differences to other solutions that fit as well to the covariances, or go over to one that
+   fits better. Residuals of air data stay. */
+void flight_look_for_others(FlightSolver *solver);
 
 #endif

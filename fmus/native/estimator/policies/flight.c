@@ -20,7 +20,6 @@
 #include "../nonlinear/flight_solver.h"
 #include "flight_outputs.h"
 #include "ambiguity.h"
-#include "other_solutions.h"
 
 /* Loads of the linear map where the tables' loads do not count.
 
@@ -80,7 +79,7 @@ static double flight_since_search(const Flight *flight, int searched) {
    compute it again, to the bit.
 
    Then: other states that fit where no pressure is given (ambiguity.c), other solutions where gauges are lost
-   (other_solutions.c), residuals of the gauges, outputs (flight_outputs.c), loads of the linear map where the
+   (ambiguity.c), residuals of the gauges, outputs (flight_outputs.c), loads of the linear map where the
    tables' do not count, and the track for the next step. Strain that fits nowhere does not move the
    state. docs/explanation/nonlinear_estimator.md, "What comes out", "Step by step". */
 

@@ -4,7 +4,31 @@
 #ifndef ADDED_NOISE_H
 #define ADDED_NOISE_H
 
-#include "pressure_directions.h"
+#include "../numerics/orthogonal_rows.h"
+#include "other_loads.h"
+
+typedef struct {
+    int wide;        /* wide_of_processor() */
+    Map file;        /* with the arrays of the file alone */
+    double *added;   /* (n_gauges, n_gauges) covariance of the other errors [1] */
+    const double *own, *whole; /* (n_gauges, n_gauges) covariance of the gauges instead of the file's, and with the
+                                  errors that scale; NULL for the file's */
+    OtherLoads *other_loads; /* other loads, which follow too; NULL for none */
+    NoiseMatrices set[2], *made; /* the map's, and the ones that are made */
+    int stage;       /* of the functions in added_noise.c */
+    int refused;     /* whether own and added were no covariance: they are the file's then */
+    Turned turned;   /* of the directions, */
+    size_t taken;    /* and the directions that it has taken */
+    double *large;   /* scratch: see added_noise.c */
+    double *head;
+    double *square;    /* (n_gauges, n_gauges) */
+    double *rows;      /* of gain and loads of form "absolute" */
+} AddedNoise;
+
+/* The covariance of the gauges' own errors in entry k. */
+static inline double own_covariance(const AddedNoise *noise, size_t k) {
+    return (noise->own != NULL ? noise->own : noise->file.gauge_covariance)[k] + noise->added[k];
+}
 
 /* Hand out the arrays for the map of a file; other_loads is set. */
 void added_noise_arrays(const Map *map, AddedNoise *noise, Room *room);

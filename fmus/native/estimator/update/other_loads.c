@@ -6,7 +6,7 @@
        f_j = fixed_j + s (of_mean_j + M_j x + M_Nj y),
 
    with M (n_states, m) `load_per_state`, M_N (n_gauges, m) `spread_load` by the columns of N, and spread_unseen (m)
-   the variance of what no column has. pressure_directions.c turns them into loads of the directions, scaled_form.c
+   the variance of what no column has. added_noise.c turns them into loads of the directions, scaled_form.c
    (scaled_other_load) estimates them when they are read: a step does not compute what nobody reads. This file reads
    the part "other_loads" of map.bin and lists the outputs. A group of loads has up to four arrays (loads, standard
    deviations, coefficients, standard deviations of these), each a run of rows. docs/explanation/dynamic_pressure.md

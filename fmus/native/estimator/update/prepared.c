@@ -17,7 +17,6 @@
 #include <string.h>
 
 #include "../numerics/triangles.h"
-#include "../sample/readings.h"
 
 /* What a step needs of a map for the gauges in use, once per set: whether they identify the state, thresholds, and
    which gauges cannot be distinguished.

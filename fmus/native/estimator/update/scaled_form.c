@@ -4,7 +4,7 @@
 
        d = d_0 + s (m + A x + N y) + e_g,      f = f_0 + s (f_mean + M x + M_N y),
 
-   y standard normal, x free (Case 1) or standard normal (Case 2). pressure_directions.c has decomposed it once for
+   y standard normal, x free (Case 1) or standard normal (Case 2). added_noise.c has decomposed it once for
    all s (eq:scaled-decomposition): V (n, n) whitens, S (n) is signal over noise of each direction at s = 1, F (5, n)
    are the loads of each, R (5, 5) the covariance of loads that no strain shows. Then
 
