@@ -7,7 +7,7 @@
        zero offsets in use, rows of strain at the reference temperature             sample/readings, temperature/thermal
        loads, air data, conditions of the sample alone                              linear/ or policies/flight
        averages over the samples before                                             policies/filtered_outputs
-       health, by these conditions, renewal, vibration and specific force           policies/health
+       health, by these conditions, renewal, vibration and specific force           sample/outputs
 
    A step marks the outputs as stepped. Only when the next step comes, or an input changes, does the sample join the
    filter and the next flight state become the base (estimator_before_change): outputs may be read before and after
@@ -23,9 +23,7 @@
 #include <string.h>
 
 #include "linear/linear.h"
-#include "numerics/wide.h"
 #include "policies/filtered_outputs.h"
-#include "policies/health.h"
 
 /* Iterations of a step that does not search the tables; a search takes more. */
 #define SHORT_ITERATIONS 16

@@ -11,8 +11,6 @@
 #include <string.h>
 
 #include "../estimator_derivative.h"
-#include "../policies/health.h"
-#include "../sample/air_data.h"
 #include "estimator_model.h"
 #include "estimator_variables.h"
 

@@ -25,7 +25,6 @@
 
 #include "../sample/air_data.h"
 #include "../update/scaled_form.h"
-#include "linear_outputs.h"
 
 /* Arrays of every step come first: they are aligned as the block is. */
 void linear_arrays(Map *map, size_t n_strains, Linear *linear, Room *room) {

@@ -341,11 +341,20 @@ static double square(double x) {
     return x * x;
 }
 
+/* nu of a load, of which strain has a part, and of its coefficient. */
+static void set_noise(const Linear *linear, double strain, double of_pressure, double per_pressure, double scale,
+                      double coefficient, double *of_load, double *of_coefficient) {
+    const double deviation = linear->flow.deviation;
+    const double of_both = scale * per_pressure - coefficient / linear->flow.pressure;
+    *of_load = strain + of_pressure * square(per_pressure * deviation);
+    *of_coefficient = scale * scale * strain + of_pressure * square(of_both * deviation);
+}
+
 void linear_noise(const Linear *linear, const double *gauge_noise, double of_pressure, double *scratch, double *of_loads,
                   double *of_coefficients) {
     const size_t n = linear->map->n_gauges, row = linear_noise_row(linear->map);
     const double *scalar = linear->inputs->value + n, *output = linear->output;
-    const double shift = moment_shift(linear->inputs), q = linear->flow.pressure, deviation = linear->flow.deviation;
+    const double shift = moment_shift(linear->inputs), q = linear->flow.pressure;
     double per_pressure[N_LOADS], scale[N_LOADS];
     memcpy(per_pressure, linear->scaled.step.per_pressure, sizeof per_pressure);
     move_moments(shift, per_pressure);
@@ -359,10 +368,8 @@ void linear_noise(const Linear *linear, const double *gauge_noise, double of_pre
         for (size_t g = 0; g < n && i >= 3; g++) {
             gain[g] += shift * scratch[(i - 2) * row + g];
         }
-        const double strain = noise_of(n, gauge_noise, gain);
-        const double of_both = scale[i] * per_pressure[i] - output[COEFFICIENTS + i] / q;
-        of_loads[i] = strain + of_pressure * square(per_pressure[i] * deviation);
-        of_coefficients[i] = scale[i] * scale[i] * strain + of_pressure * square(of_both * deviation);
+        set_noise(linear, noise_of(n, gauge_noise, gain), of_pressure, per_pressure[i], scale[i], output[COEFFICIENTS + i],
+                  &of_loads[i], &of_coefficients[i]);
     }
 }
 
@@ -371,14 +378,12 @@ void linear_other_noise(const Linear *linear, const double *gauge_noise, double 
     const OtherLoads *other_loads = linear->other_loads;
     const size_t n = linear->map->n_gauges;
     const double *scalar = linear->inputs->value + n;
-    const double q = linear->flow.pressure, deviation = linear->flow.deviation;
+    double scale[N_LOADS];
+    coefficient_scales(linear->flow.pressure, scalar[REFERENCE_AREA], scalar[REFERENCE_LENGTH], scale);
     for (size_t j = 0; j < other_loads->map.n_loads; j++) {
-        const double length = other_loads->map.is_moment[j] > 0.0 ? scalar[REFERENCE_LENGTH] : 1.0;
-        const double scale = 1.0 / (q * (scalar[REFERENCE_AREA] * length));
-        const double per_pressure = scaled_other_gain(&linear->scaled, j, scratch);
-        const double of_both = scale * per_pressure - other_loads->value[OTHER_COEFFICIENTS][j] / q;
-        const double strain = noise_of(n, gauge_noise, scratch);
-        of_loads[j] = strain + of_pressure * square(per_pressure * deviation);
-        of_coefficients[j] = scale * scale * strain + of_pressure * square(of_both * deviation);
+        const double per_pressure = scaled_gain(&linear->scaled, N_LOADS + j, scratch);
+        set_noise(linear, noise_of(n, gauge_noise, scratch), of_pressure, per_pressure,
+                  scale[other_loads->map.is_moment[j] > 0.0 ? 3 : 0], other_loads->value[OTHER_COEFFICIENTS][j], &of_loads[j],
+                  &of_coefficients[j]);
     }
 }

@@ -20,7 +20,6 @@
 #include <math.h>
 #include <stdio.h>
 
-
 #define GUID_SIZE 80
 
 static void take_form(MapFile *file, Map *map) {

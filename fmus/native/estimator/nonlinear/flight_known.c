@@ -31,6 +31,8 @@
 
 #include <math.h>
 
+#include "../numerics/triangles.h"
+
 #define LARGEST_POWER 3
 
 /* Products of strain, of loads with strain, of loads, of other loads with strain; variances of other loads. */
@@ -258,13 +260,6 @@ static void weigh(Known *known) {
         const double lower = power > 2.0 ? power - 2.0 : 0.0;
         known->shift[j] = power_of(z, power) + pairs * power_of(z, lower) - map->offset[j];
         known->along[j] = power * power_of(z, power - 1.0) * sqrt(weight * (1.0 - weight));
-    }
-}
-
-/* y += a x. */
-static void add_times(size_t count, double a, const double *restrict x, double *restrict y) {
-    for (size_t i = 0; i < count; i++) {
-        y[i] += a * x[i];
     }
 }
 

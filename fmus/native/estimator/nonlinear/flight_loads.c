@@ -28,6 +28,7 @@
 
 #include "../../core/elementary.h"
 #include "../numerics/cholesky.h"
+#include "../numerics/triangles.h"
 
 /* (e^x - 1) / 3 for x = 3 s; by its series for small x, where the difference would cancel. */
 static double lognormal_deviation(double of_log) {
@@ -40,14 +41,6 @@ static double lognormal_deviation(double of_log) {
         sum = 1.0 + sum * x / k;
     }
     return x * sum / 3.0;
-}
-
-static double along_state(const double *by_state, const double *shift) {
-    double sum = 0.0;
-    for (size_t k = 0; k < N_STATES; k++) {
-        sum += by_state[k] * shift[k];
-    }
-    return sum;
 }
 
 /* q_inf at the solution, d ln q/dx, ln q less the full model's, and the square of `wider`. */
@@ -81,9 +74,9 @@ double flight_corrected(const FlightSolver *solver, const double *right, const R
                         const double *turned, double *by_state) {
     const size_t n = solver->n;
     for (size_t k = 0; k < N_STATES; k++) {
-        by_state[k] = response->jacobian[k][row] - lane_dot(n, turned, right + (1 + k) * n);
+        by_state[k] = response->jacobian[k][row] - dot(n, turned, right + (1 + k) * n);
     }
-    return response->value[row] + lane_dot(n, turned, right);
+    return response->value[row] + dot(n, turned, right);
 }
 
 /* The load of the considered error with tables of its own; 0 without. */
@@ -133,7 +126,7 @@ static double flight_load_square(const FlightSolver *solver, double square, size
                           const double *other_turned) {
     const double pressure = solver->response.pressure;
     return pressure * pressure * square + of_tables(solver, load) * of_tables(solver, other)
-         - lane_dot(solver->n, turned, other_turned);
+         - dot(solver->n, turned, other_turned);
 }
 
 void flight_set_loads(FlightSolver *solver) {

@@ -21,7 +21,6 @@
 
 #include "../../core/elementary.h"
 #include "../numerics/cholesky.h"
-#include "../sample/air_data.h"
 
 /* Smallest standard deviation of a value of navigation, relative. */
 #define MIN_RELATIVE_STD 1e-3

@@ -35,9 +35,7 @@
 
 #include "../../core/elementary.h"
 #include "../numerics/cholesky.h"
-#include "../numerics/wide.h"
 #include "flight_solve.h"
-#include "flight_solver.h"
 
 #define SMALLEST_PRESSURE 10.0 /* [Pa] of a start */
 #define LARGEST_PRESSURE 5e5

@@ -37,8 +37,8 @@
 
 #include "../../core/elementary.h"
 #include "../numerics/cholesky.h"
+#include "../numerics/triangles.h"
 #include "flight_loads.h"
-#include "flight_solver.h"
 
 #define MIN_MACH 0.1       /* below which ln M goes on as a constant */
 #define SMALLEST_PART 0.25 /* of a step that is taken */
@@ -283,16 +283,16 @@ static void set_shape_square(FlightSolver *solver) {
     whiten_shapes(solver);
     for (size_t s = 0; s < count; s++) {
         const double *shape = solver->shapes + s * n;
-        const double alone = lane_dot(n, shape, shape);
-        double rest = lane_dot(n, shape, full->right);
+        const double alone = dot(n, shape, shape);
+        double rest = dot(n, shape, full->right);
         for (size_t k = 0; k < N_STATES; k++) {
-            by_state[s][k] = lane_dot(n, shape, full->right + (1 + k) * n);
+            by_state[s][k] = dot(n, shape, full->right + (1 + k) * n);
             rest -= by_state[s][k] * full->shift[k];
         }
         /* Diagonal of B' P B, from which the rows above take their squares. */
         double left = alone - quadratic(N_STATES, by_state[s], full->state_covariance, by_state[s]);
         for (size_t t = 0; t < s; t++) {
-            double common = lane_dot(n, shape, solver->shapes + t * n)
+            double common = dot(n, shape, solver->shapes + t * n)
                           - quadratic(N_STATES, by_state[s], full->state_covariance, by_state[t]);
             for (size_t k = 0; k < t; k++) {
                 common -= factor[s][k] * factor[t][k];
@@ -308,14 +308,6 @@ static void set_shape_square(FlightSolver *solver) {
     }
 }
 
-static double along_shift(const FullModel *full, const double *row) {
-    double sum = 0.0;
-    for (size_t k = 0; k < N_STATES; k++) {
-        sum += row[k] * full->shift[k];
-    }
-    return sum;
-}
-
 /* z_m of navigation at the minimum of the linearised problem. */
 static void set_navigation_residuals(FlightSolver *solver) {
     const FullModel *full = &solver->full;
@@ -326,7 +318,7 @@ static void set_navigation_residuals(FlightSolver *solver) {
         flight_measurement_row(solver->log_mach_slope, m, row);
         const double reached = quadratic(N_STATES, row, full->state_covariance, row);
         const double variance = precision > 0.0 ? 1.0 / precision - reached : 0.0;
-        const double remaining = solver->innovation[m] - along_shift(full, row);
+        const double remaining = solver->innovation[m] - along_state(row, full->shift);
         solution->navigation_residual[m] = variance > 0.0 ? remaining / sqrt(variance) : 0.0;
     }
 }
@@ -356,7 +348,7 @@ static void flight_settle(FlightSolver *solver) {
     solution->rest_square = quadratic(N_STATES, solver->gradient, solution->state_covariance, solver->gradient);
     flight_weigh_full(solver, N_STATES);
     flight_set_loads(solver);
-    solution->chi_square = full->cost - along_shift(full, full->gradient) - cost_of_angles(solver);
+    solution->chi_square = full->cost - along_state(full->gradient, full->shift) - cost_of_angles(solver);
     set_navigation_residuals(solver);
     set_shape_square(solver);
 }

@@ -12,8 +12,6 @@
 
 #include "flight_solver.h"
 
-#include "../numerics/wide.h"
-
 /* A (n_gauges, n_gauges) matrix in one of order n, with zeros beyond. */
 static void widen(size_t n_gauges, size_t n, const double *source, double *matrix) {
     for (size_t i = 0; i < n_gauges; i++) {

@@ -49,6 +49,15 @@ typedef struct {
     double other_part[MOST_OTHERS], other_state[MOST_OTHERS][N_STATES];
 } Solution;
 
+/* What a derivative by the state makes of a shift of it. */
+static inline double along_state(const double *by_state, const double *shift) {
+    double sum = 0.0;
+    for (size_t k = 0; k < N_STATES; k++) {
+        sum += by_state[k] * shift[k];
+    }
+    return sum;
+}
+
 /* Where a search ended, of what navigation gave with these precisions. */
 typedef struct {
     double precision[N_NAVIGATION], end[SEARCH_STARTS][N_STATES], deviance[SEARCH_STARTS];

@@ -25,8 +25,6 @@
 #include <math.h>
 
 #include "../../core/elementary.h"
-#include "../map/map_resource.h"
-#include "../numerics/wide.h"
 
 #define MOST_COMBINED (2 * LANES) /* with AVX-512 */
 #define DEGREE 3 /* of the splines */
@@ -53,12 +51,9 @@ void flight_tables_arrays(const TableMap *map, FlightTables *tables, Room *room)
     tables->width = map->n_channels * harmonics;
     tables->cells = taken(room, cells_of(map) * tables->width);
     TAKE(room, map->n_terms * harmonics, &tables->cosine, &tables->sine);
-    for (int k = 0; k < 3; k++) {
-        tables->amplitude[k] = taken(room, tables->width);
-    }
-    for (int k = 0; k < 6; k++) {
-        tables->wind[k] = taken(room, harmonics);
-    }
+    double **const amplitude = tables->amplitude, **const wind = tables->wind;
+    TAKE(room, tables->width, &amplitude[0], &amplitude[1], &amplitude[2]);
+    TAKE(room, harmonics, &wind[0], &wind[1], &wind[2], &wind[3], &wind[4], &wind[5]);
     if (room->next == NULL) {
         return;
     }
@@ -72,10 +67,8 @@ void flight_tables_arrays(const TableMap *map, FlightTables *tables, Room *room)
 }
 
 void response_arrays(const TableMap *map, Response *response, Room *room) {
-    response->value = taken(room, in_lanes(map->n_rows));
-    for (size_t k = 0; k < N_STATES; k++) {
-        response->jacobian[k] = taken(room, in_lanes(map->n_rows));
-    }
+    double **const jacobian = response->jacobian;
+    TAKE(room, in_lanes(map->n_rows), &response->value, &jacobian[0], &jacobian[1], &jacobian[2], &jacobian[3]);
 }
 
 /* Knot of the splines on `knots`, whose ends are fourfold. */

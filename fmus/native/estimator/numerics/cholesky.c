@@ -32,10 +32,6 @@ typedef struct {
     size_t row, column;
 } Strided;
 
-/* One whose rows are `row` apart. */
-static inline Strided by_rows(const double *value, size_t row) {
-    return (Strided){value, row, 1};
-}
 #define MOST_ROWS 5
 #define BLOCK_COLUMNS 8
 #define WIDE_COLUMNS 24 /* with AVX-512, for which loading a number of the left factor into all lanes takes longest */
@@ -119,66 +115,50 @@ EVERYWHERE void strip(Change change, size_t rows, size_t columns, size_t inner, 
    block changes a bit. A lower triangular B has zeros above its diagonal: a block of columns from j on begins with
    row j. Both are the bulk of a nonlinear step (cholesky.c). docs/developers/native.md, "Cost". */
 
+/* Products of matrices by rows: P = A B and P -= A B, sums in registers.
+
+   The columns of P are taken in blocks whose sums stay in registers: 24 columns with AVX-512, 4 with
+   SSE2, 8 with AVX2 and elsewhere. A sum runs over the inner index in order, in one part, so that no width of a
+   block changes a bit. A lower triangular B has zeros above its diagonal: a block of columns from j on begins with
+   row j. Both are the bulk of a nonlinear step. docs/developers/native.md, "Cost". */
+
 /* Whether the right factor, square then, is zero above its diagonal. */
 typedef enum { FULL, LOWER } Shape;
 
-/* Columns j to j + width of P; a lower triangular B begins at row j. */
-EVERYWHERE void some_columns(Shape shape, size_t j, size_t width, size_t rows, size_t inner, Strided left,
-                             const double *right, size_t right_row, double *product, size_t product_row) {
-    const size_t first = shape == LOWER ? j : 0;
-    const Strided part = {left.value + first * left.column, left.row, left.column};
-    strip(SET, rows, width, inner - first, part, right + first * right_row + j, right_row, product, product + j,
-          product_row);
-}
-
-/* All columns of A B. Wide blocks would multiply the zeros of a triangle. */
-EVERYWHERE void whole_of(size_t width, Shape shape, size_t rows, size_t inner, size_t columns, Strided left,
-                         const double *right, size_t right_row, double *product, size_t product_row) {
+/* All columns, in blocks of so many: of A B, or of P - A B. A lower triangular B begins at the row of its column; wide blocks
+   would multiply the zeros of a triangle. */
+EVERYWHERE void product_of(size_t width, Change change, Shape shape, size_t rows, size_t inner, size_t columns, Strided left,
+                           const double *right, size_t right_row, double *product, size_t product_row) {
     size_t j = 0;
-#define SOME_COLUMNS(count) some_columns(shape, j, count, rows, inner, left, right, right_row, product, product_row)
+#define SOME_COLUMNS(count) \
+    do { \
+        const size_t first = shape == LOWER ? j : 0; \
+        const Strided part = {left.value + first * left.column, left.row, left.column}; \
+        strip(change, rows, count, inner - first, part, right + first * right_row + j, right_row, product + j, product + j, \
+              product_row); \
+    } while (0)
     BY_COLUMNS(j, columns, width, shape == FULL, SOME_COLUMNS)
 #undef SOME_COLUMNS
 }
 
-/* All columns of P - A B. */
-EVERYWHERE void less_of(size_t width, size_t rows, size_t inner, size_t columns, Strided left, const double *right,
-                        size_t right_row, double *product, size_t product_row) {
-    size_t j = 0;
-#define SOME_COLUMNS(count) \
-    strip(SUBTRACT, rows, count, inner, left, right + j, right_row, product + j, product + j, product_row)
-    BY_COLUMNS(j, columns, width, 1, SOME_COLUMNS)
-#undef SOME_COLUMNS
-}
-
-/* The same for an instruction set, in blocks of so many columns. */
-#define PRODUCTS(instructions, set, width) \
-    instructions static void whole##set(Shape shape, size_t rows, size_t inner, size_t columns, Strided left, \
-                                        const double *right, size_t right_row, double *product, size_t product_row) { \
-        whole_of(width, shape, rows, inner, columns, left, right, right_row, product, product_row); \
-    } \
-    instructions static void less##set(size_t rows, size_t inner, size_t columns, Strided left, const double *right, \
-                                       size_t right_row, double *product, size_t product_row) { \
-        less_of(width, rows, inner, columns, left, right, right_row, product, product_row); \
+/* product (rows, columns) = left (rows, inner) right (inner, columns), or that is subtracted from it, for an instruction set, in
+   blocks of so many columns. Columns are a multiple of LANES, rows of right and product lie right_row and product_row apart.
+   Change and shape are constants where it is called. */
+#define PRODUCTS(instructions, name, width) \
+    instructions static void name(Change change, Shape shape, size_t rows, size_t inner, size_t columns, Strided left, \
+                                  const double *right, size_t right_row, double *product, size_t product_row) { \
+        if (change == SUBTRACT) { \
+            product_of(width, SUBTRACT, FULL, rows, inner, columns, left, right, right_row, product, product_row); \
+        } else { \
+            product_of(width, SET, shape, rows, inner, columns, left, right, right_row, product, product_row); \
+        } \
     }
 
-PRODUCTS(, , NARROW_COLUMNS)
+PRODUCTS(, multiply, NARROW_COLUMNS)
 #if HAS_AVX2
-PRODUCTS(AVX2, _avx2, BLOCK_COLUMNS)
-PRODUCTS(AVX512, _avx512, WIDE_COLUMNS)
+PRODUCTS(AVX2, multiply_avx2, BLOCK_COLUMNS)
+PRODUCTS(AVX512, multiply_avx512, WIDE_COLUMNS)
 #endif
-
-/* product (rows, columns) = left (rows, inner) right (inner, columns). Columns are a multiple of LANES, rows of right
-   and product lie right_row and product_row apart. */
-static void multiply(int wide, Shape shape, size_t rows, size_t inner, size_t columns, Strided left, const double *right,
-                     size_t right_row, double *product, size_t product_row) {
-    WIDEST(wide, whole)(shape, rows, inner, columns, left, right, right_row, product, product_row);
-}
-
-/* product (rows, columns) -= left (rows, inner) right (inner, columns). Columns are a multiple of LANES. */
-static void subtract_product(int wide, size_t rows, size_t inner, size_t columns, Strided left, const double *right,
-                             size_t right_row, double *product, size_t product_row) {
-    WIDEST(wide, less)(rows, inner, columns, left, right, right_row, product, product_row);
-}
 
 #define MAX_SMALL 5
 
@@ -366,7 +346,8 @@ FOR_AVX2(back, (size_t n, const double *inverse, const double *x, double *y, dou
 
 void cholesky(int wide, size_t n, double *matrix) {
     for (size_t k = 0; k < n; k += LANES) {
-        subtract_product(wide, LANES, k, n - k, (Strided){matrix + k, 1, n}, matrix + k, n, matrix + k * n + k, n);
+        WIDEST(wide, multiply)(SUBTRACT, FULL, LANES, k, n - k, (Strided){matrix + k, 1, n}, matrix + k, n,
+                               matrix + k * n + k, n);
         CHOSEN(wide, decompose)(n, k, matrix);
     }
 }
@@ -384,7 +365,7 @@ void invert_lower(int wide, size_t n, const double *lower, double *scratch, doub
         double by_columns[LANES][LANES], turned[LANES * LANES], *rows = inverse + k * n;
         invert_block(n, lower, k, by_columns);
         /* Row block k of L^-1 is -L_kk^-1 (L_k,0..k-1 times the row blocks above): two products of matrices. */
-        multiply(wide, LOWER, LANES, k, k, (Strided){lower + k, 1, n}, inverse, n, scratch, n);
+        WIDEST(wide, multiply)(SET, LOWER, LANES, k, k, (Strided){lower + k, 1, n}, inverse, n, scratch, n);
         for (size_t c = 0; c < LANES; c++) { /* and zeros as far as the widest block of a product reads */
             for (size_t j = 0; j < LANES; j++) {
                 rows[c * n + k + j] = by_columns[j][c];
@@ -392,7 +373,7 @@ void invert_lower(int wide, size_t n, const double *lower, double *scratch, doub
             }
             memset(rows + c * n + k + LANES, 0, k + LANES < n ? LANES * sizeof *rows : 0);
         }
-        multiply(wide, FULL, LANES, LANES, k, by_rows(turned, LANES), scratch, n, rows, n);
+        WIDEST(wide, multiply)(SET, FULL, LANES, LANES, k, (Strided){turned, LANES, 1}, scratch, n, rows, n);
     }
 }
 
@@ -402,16 +383,6 @@ void turn_back(int wide, size_t n, const double *inverse, const double *x, doubl
 
 void lane_products(int wide, size_t n, const double *x, double products[N_TURNED][N_TURNED]) {
     CHOSEN(wide, all_products)(n, x, products);
-}
-
-double lane_dot(size_t n, const double *restrict x, const double *restrict y) {
-    double sum[LANES] = {0.0};
-    for (size_t i = 0; i < n; i += LANES) {
-        for (size_t r = 0; r < LANES; r++) {
-            sum[r] += x[i + r] * y[i + r];
-        }
-    }
-    return (sum[0] + sum[1]) + (sum[2] + sum[3]);
 }
 
 void invert_small(size_t order, const double *matrix, double *inverse) {

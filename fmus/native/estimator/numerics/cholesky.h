@@ -25,10 +25,7 @@ void invert_lower(int wide, size_t n, const double *lower, double *scratch, doub
 #define N_TURNED 5
 void turn_back(int wide, size_t n, const double *inverse, const double *x, double *y, double *squares);
 
-/* Sum of x[i] y[i] over n elements, a multiple of LANES, in LANES parts. */
-double lane_dot(size_t n, const double *x, const double *y);
-
-/* The same of every pair of N_TURNED vectors, n apart. */
+/* Sums of x[i] y[i] over n elements, in LANES parts, of every pair of N_TURNED vectors, n apart. */
 void lane_products(int wide, size_t n, const double *x, double products[N_TURNED][N_TURNED]);
 
 /* The inverse (order, order) of a symmetric positive definite matrix of at most 5 rows, and its product with a vector. */

@@ -32,41 +32,28 @@ void narrow_panels(size_t rows, size_t columns, const double *source, size_t row
     }
 }
 
-EVERYWHERE void product(size_t rows, size_t columns, const double *restrict panel, const double *restrict x,
-                        double *restrict y) {
-    for (size_t first = 0; first < rows; first += ROWS) {
-        double a[ROWS] = {0.0}, b[ROWS] = {0.0}, c[ROWS] = {0.0}, d[ROWS] = {0.0};
-        for (size_t k = 0; k < columns; k += DEPTH, panel += DEPTH * ROWS) {
-            for (size_t r = 0; r < ROWS; r++) {
-                a[r] += panel[r] * x[k];
-                b[r] += panel[ROWS + r] * x[k + 1];
-                c[r] += panel[2 * ROWS + r] * x[k + 2];
-                d[r] += panel[3 * ROWS + r] * x[k + 3];
-            }
-        }
-        for (size_t r = 0; r < ROWS; r++) {
-            y[first + r] = (a[r] + b[r]) + (c[r] + d[r]);
-        }
+/* The product in numbers of a type, for panels of so many rows. */
+#define PRODUCT(name, Number, HEIGHT) \
+    EVERYWHERE void name(size_t rows, size_t columns, const Number *restrict panel, const Number *restrict x, \
+                         Number *restrict y) { \
+        for (size_t first = 0; first < rows; first += HEIGHT) { \
+            Number a[HEIGHT] = {0}, b[HEIGHT] = {0}, c[HEIGHT] = {0}, d[HEIGHT] = {0}; \
+            for (size_t k = 0; k < columns; k += DEPTH, panel += DEPTH * HEIGHT) { \
+                for (size_t r = 0; r < HEIGHT; r++) { \
+                    a[r] += panel[r] * x[k]; \
+                    b[r] += panel[HEIGHT + r] * x[k + 1]; \
+                    c[r] += panel[2 * HEIGHT + r] * x[k + 2]; \
+                    d[r] += panel[3 * HEIGHT + r] * x[k + 3]; \
+                } \
+            } \
+            for (size_t r = 0; r < HEIGHT; r++) { \
+                y[first + r] = (a[r] + b[r]) + (c[r] + d[r]); \
+            } \
+        } \
     }
-}
 
-EVERYWHERE void narrow_product(size_t rows, size_t columns, const float *restrict panel, const float *restrict x,
-                               float *restrict y) {
-    for (size_t first = 0; first < rows; first += NARROW_ROWS) {
-        float a[NARROW_ROWS] = {0.0f}, b[NARROW_ROWS] = {0.0f}, c[NARROW_ROWS] = {0.0f}, d[NARROW_ROWS] = {0.0f};
-        for (size_t k = 0; k < columns; k += DEPTH, panel += DEPTH * NARROW_ROWS) {
-            for (size_t r = 0; r < NARROW_ROWS; r++) {
-                a[r] += panel[r] * x[k];
-                b[r] += panel[NARROW_ROWS + r] * x[k + 1];
-                c[r] += panel[2 * NARROW_ROWS + r] * x[k + 2];
-                d[r] += panel[3 * NARROW_ROWS + r] * x[k + 3];
-            }
-        }
-        for (size_t r = 0; r < NARROW_ROWS; r++) {
-            y[first + r] = (a[r] + b[r]) + (c[r] + d[r]);
-        }
-    }
-}
+PRODUCT(product, double, ROWS)
+PRODUCT(narrow_product, float, NARROW_ROWS)
 
 FOR_AVX2(product, (size_t rows, size_t columns, const double *panels, const double *x, double *y),
          (rows, columns, panels, x, y))

@@ -24,6 +24,7 @@
 #include "orthogonal_rows.h"
 
 #include <math.h>
+#include <stdint.h>
 #include <string.h>
 
 #include "triangles.h"
@@ -50,12 +51,6 @@ EVERYWHERE void rotate(size_t width, double c, double s, double *restrict a, dou
     }
 }
 
-EVERYWHERE void add(size_t width, double factor, const double *restrict x, double *restrict out) {
-    for (size_t i = 0; i < width; i++) {
-        out[i] += factor * x[i];
-    }
-}
-
 /* What stands right of the diagonal in row k of the products becomes its first element, by a reflection of the rows below:
    of products and rows. */
 EVERYWHERE void reflect(size_t count, size_t width, size_t k, double *gram, double *rows, double *scratch) {
@@ -72,18 +67,18 @@ EVERYWHERE void reflect(size_t count, size_t width, size_t k, double *gram, doub
     for (size_t i = 0; i < length; i++) {
         w[i] = factor * sum_of_products(length, gram + (first + i) * count + first, v);
     }
-    add(length, -0.5 * factor * sum_of_products(length, v, w), v, w);
+    add_times(length, -0.5 * factor * sum_of_products(length, v, w), v, w);
     for (size_t i = 0; i < length; i++) {
         double *restrict row = gram + (first + i) * count + first;
-        add(length, -v[i], w, row);
-        add(length, -w[i], v, row);
+        add_times(length, -v[i], w, row);
+        add_times(length, -w[i], v, row);
     }
     memset(sum, 0, width * sizeof *sum);
     for (size_t i = 0; i < length; i++) {
-        add(width, v[i], rows + (first + i) * width, sum);
+        add_times(width, v[i], rows + (first + i) * width, sum);
     }
     for (size_t i = 0; i < length; i++) {
-        add(width, -factor * v[i], sum, rows + (first + i) * width);
+        add_times(width, -factor * v[i], sum, rows + (first + i) * width);
     }
     v[0] = end;
 }
@@ -257,4 +252,15 @@ FOR_AVX2_AS(int, turn, (size_t count, size_t n, size_t width, double *rows, doub
 int orthogonal_rows(int wide, size_t count, size_t n, size_t width, double *rows, double *scratch, Turned *turned,
                     size_t work) {
     return CHOSEN(wide, turn)(count, n, width, rows, scratch, turned, work);
+}
+
+double smallest_singular_value(size_t n, double *rows, double *square) {
+    Turned turned = {.stage = SQUARES};
+    turn(n, n, n, rows, square, &turned, SIZE_MAX);
+    double smallest = INFINITY;
+    for (size_t i = 0; i < n; i++) {
+        const double size = sqrt(sum_of_products(n, rows + i * n, rows + i * n));
+        smallest = size < smallest ? size : smallest;
+    }
+    return smallest;
 }

@@ -22,4 +22,8 @@ size_t orthogonal_rows_doubles(size_t count, size_t width);
 int orthogonal_rows(int wide, size_t count, size_t n, size_t width, double *rows, double *scratch, Turned *turned,
                     size_t work);
 
+/* The smallest singular value of rows (n, n), which are turned; square (n) is scratch. One-sided Jacobi rotations alone, which
+   find small singular values to full relative accuracy. */
+double smallest_singular_value(size_t n, double *rows, double *square);
+
 #endif

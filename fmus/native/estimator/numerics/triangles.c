@@ -1,5 +1,4 @@
-/* Small dense algebra of the linear map: sums, Householder decompositions, triangular solutions, the smallest
-   singular value.
+/* Small dense algebra of the linear map: sums, Householder decompositions, triangular solutions.
 
    A (rows, columns) = Q R by Householder reflections H_k = 1 - f v v' (Golub and Van Loan, Matrix Computations,
    section 5.2). Column k below row k - 1, of norm a and first element x, is reflected to -sign(x) a in row k:
@@ -42,13 +41,6 @@ EVERYWHERE void dot_two(size_t n, const double *restrict x, const double *restri
     }
 }
 
-/* x -= factor v. */
-EVERYWHERE void take_off(size_t n, double factor, const double *restrict v, double *restrict x) {
-    for (size_t i = 0; i < n; i++) {
-        x[i] -= factor * v[i];
-    }
-}
-
 /* Reflect column k so that it ends in row k, and all columns after it. Return the factor of the reflection, 0 for none;
    *head takes the first element of its vector, the others stay below the diagonal. */
 EVERYWHERE double reflect(size_t rows, size_t k, size_t columns, double *a, double *head) {
@@ -67,12 +59,12 @@ EVERYWHERE double reflect(size_t rows, size_t k, size_t columns, double *a, doub
     for (; j + 2 <= columns; j += 2) {
         double *one = a + j * rows + k, *other = one + rows, along_one, along_other;
         dot_two(length, v, one, other, &along_one, &along_other);
-        take_off(length, factor * along_one, v, one);
-        take_off(length, factor * along_other, v, other);
+        add_times(length, -factor * along_one, v, one);
+        add_times(length, -factor * along_other, v, other);
     }
     if (j < columns) {
         double *last = a + j * rows + k;
-        take_off(length, factor * dot(length, v, last), v, last);
+        add_times(length, -factor * dot(length, v, last), v, last);
     }
     *head = v[0];
     v[0] = diagonal;
@@ -153,44 +145,6 @@ void solve_transposed(size_t rows, size_t n, const double *a, double *x) {
         }
         x[j] /= column[j];
     }
-}
-
-/* Sweeps of Jacobi rotations; ten are plenty for matrices of any size seen, the bound is for damaged ones. */
-#define LARGEST_SWEEPS 30
-
-/* Rotate pairs of columns until all are orthogonal: their lengths are the singular values. */
-double smallest_singular_value(size_t n, double *a) {
-    const double orthogonal = 1e-15;
-    int rotated = 1;
-    for (int sweep = 0; rotated && sweep < LARGEST_SWEEPS; sweep++) {
-        rotated = 0;
-        for (size_t p = 0; p + 1 < n; p++) {
-            for (size_t q = p + 1; q < n; q++) {
-                double *restrict left = a + p * n, *restrict right = a + q * n;
-                const double alpha = dot(n, left, left), beta = dot(n, right, right), gamma = dot(n, left, right);
-                if (!(fabs(gamma) > orthogonal * sqrt(alpha) * sqrt(beta))) {
-                    continue;
-                }
-                rotated = 1;
-                /* The rotation that makes both columns orthogonal: tangent of the smaller angle. */
-                const double zeta = (beta - alpha) / (2.0 * gamma);
-                const double size = 1.0 / (fabs(zeta) + sqrt(1.0 + zeta * zeta));
-                const double tangent = zeta > 0.0 ? size : -size;
-                const double cosine = 1.0 / sqrt(1.0 + tangent * tangent), sine = cosine * tangent;
-                for (size_t i = 0; i < n; i++) {
-                    const double kept = left[i];
-                    left[i] = cosine * kept - sine * right[i];
-                    right[i] = sine * kept + cosine * right[i];
-                }
-            }
-        }
-    }
-    double smallest = INFINITY;
-    for (size_t j = 0; j < n; j++) {
-        const double size = sqrt(dot(n, a + j * n, a + j * n));
-        smallest = size < smallest ? size : smallest;
-    }
-    return smallest;
 }
 
 /* The root of a covariance and its inverse: C (n, n) = L L', both triangles packed by rows.

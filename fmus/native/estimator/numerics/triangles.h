@@ -32,7 +32,14 @@ EVERYWHERE double sum_of_products(size_t n, const double *restrict x, const doub
     return sum;
 }
 
-/* The same by a call. */
+/* y += factor x. */
+EVERYWHERE void add_times(size_t n, double factor, const double *restrict x, double *restrict y) {
+    for (size_t i = 0; i < n; i++) {
+        y[i] += factor * x[i];
+    }
+}
+
+/* The sum by a call. */
 double dot(size_t n, const double *x, const double *y);
 
 /* Replace the upper triangle of a (rows x columns, by columns) by the R of a = Q R; what lies below is scratch.
@@ -50,10 +57,6 @@ void householder_back(int wide, size_t rows, size_t pivots, const double *a, con
 /* x = R^-1 x, or R'^-1 x, for the R (n x n) at the top of a (rows x n, by columns). */
 void solve_triangle(size_t rows, size_t n, const double *a, double *x);
 void solve_transposed(size_t rows, size_t n, const double *a, double *x);
-
-/* The smallest singular value of a (n x n, by columns), which is overwritten. One-sided Jacobi rotations, which find
-   small singular values to full relative accuracy: Demmel & Veselic, SIAM J. Matrix Anal. Appl. 13 (1992). */
-double smallest_singular_value(size_t n, double *a);
 
 /* L and L^-1 of a covariance (n, n) = L L'. 0 if it is none. */
 int lower_root(size_t n, const double *covariance, double *root, double *inverse);

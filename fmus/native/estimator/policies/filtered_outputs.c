@@ -16,13 +16,9 @@
 
 #include <math.h>
 
-#include "../filter/filter.h"
-#include "../linear/linear_outputs.h"
-#include "../nonlinear/flight_loads.h"
 #include "../nonlinear/flight_solve.h"
 #include "../numerics/cholesky.h"
 #include "flight.h"
-#include "flight_outputs.h"
 
 /* Steps without any strain: the last filtered estimate stays, and its standard deviations grow with the time since
    then.

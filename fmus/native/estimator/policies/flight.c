@@ -13,12 +13,8 @@
 #include <stdlib.h>
 
 #include "../linear/linear.h"
-#include "../linear/linear_outputs.h"
-#include "../nonlinear/flight_sample.h"
 #include "../nonlinear/flight_search.h"
 #include "../nonlinear/flight_solve.h"
-#include "../nonlinear/flight_solver.h"
-#include "flight_outputs.h"
 #include "ambiguity.h"
 
 /* Loads of the linear map where the tables' loads do not count.

@@ -27,25 +27,33 @@ enum {
 /* States of health: strainfmu/estimator/health.py. */
 enum { OK, INCONSISTENT, NO_COEFFICIENTS, INVALID, DEGRADED, UNIDENTIFIED, SUSPECT, OUTSIDE };
 
-/* What may hold of a sample, as bits. Estimators set them; policies/health.c has the state that each one means. */
-enum {
-    NO_GAUGE = 1 << 0,             /* no gauge gives a strain */
-    FILTER_HOLDS = 1 << 1,         /* the same, and the filter holds the last loads */
-    NOT_IDENTIFIED = 1 << 2,       /* the gauges in use do not identify the loads */
-    PRESSURE_UNKNOWN = 1 << 3,     /* no q_inf, or none with a standard deviation: no coefficients */
-    FLOW_OUTSIDE = 1 << 4,         /* air data, flow parameters or the flight state leave what the map covers */
-    STRAIN_MISFIT = 1 << 5,        /* chi-square or discrepancy modes are above their thresholds */
-    ANGLES_CONTRADICT = 1 << 6,    /* measured angles are others than by strain */
-    FORCE_CONTRADICTS = 1 << 7,    /* the specific force of the stated mass is another one than the load */
-    GAUGE_MISFIT = 1 << 8,         /* one gauge does not fit the others */
-    COEFFICIENTS_OUTSIDE = 1 << 9, /* the coefficients leave the envelope of a linear map */
-    GAUGES_LOST = 1 << 10,
-    AIR_DATA_LOST = 1 << 11,       /* an input is left out, with an alarm */
-    STATE_MOVES = 1 << 12,         /* the iterations have not come to rest */
-    LOADS_OF_LINEAR_MAP = 1 << 13, /* fall-back of the nonlinear estimator */
-    RENEWAL_PENDING = 1 << 14,     /* matrices for other zero offsets are being made */
-    VIBRATES = 1 << 15             /* more than the map states */
-};
+/* What may hold of a sample, as bits, and the state of health that each one means; the first one that holds counts: outputs.c.
+   Estimators set the bits. */
+#define CONDITIONS(X) \
+    X(NO_GAUGE, INVALID)                 /* no gauge gives a strain */                                                 \
+    X(FILTER_HOLDS, INVALID)             /* the same, and the filter holds the last loads */                           \
+    X(NOT_IDENTIFIED, UNIDENTIFIED)      /* the gauges in use do not identify the loads */                             \
+    X(PRESSURE_UNKNOWN, NO_COEFFICIENTS) /* no q_inf, or none with a standard deviation: no coefficients */            \
+    X(FLOW_OUTSIDE, OUTSIDE)             /* air data, flow parameters or the flight state leave what the map covers */ \
+    X(STRAIN_MISFIT, INCONSISTENT)       /* chi-square or discrepancy modes are above their thresholds */              \
+    X(ANGLES_CONTRADICT, INCONSISTENT)   /* measured angles are others than by strain */                               \
+    X(FORCE_CONTRADICTS, INCONSISTENT)   /* the specific force of the stated mass is another one than the load */      \
+    X(GAUGE_MISFIT, SUSPECT)             /* one gauge does not fit the others */                                       \
+    X(COEFFICIENTS_OUTSIDE, OUTSIDE)     /* the coefficients leave the envelope of a linear map */                     \
+    X(GAUGES_LOST, DEGRADED)                                                                                           \
+    X(AIR_DATA_LOST, DEGRADED)           /* an input is left out, with an alarm */                                     \
+    X(STATE_MOVES, DEGRADED)             /* the iterations have not come to rest */                                    \
+    X(LOADS_OF_LINEAR_MAP, DEGRADED)     /* fall-back of the nonlinear estimator */                                    \
+    X(RENEWAL_PENDING, DEGRADED)         /* matrices for other zero offsets are being made */                          \
+    X(VIBRATES, DEGRADED)                /* more than the map states */
+#define CONDITION_PLACE(condition, state) condition##_PLACE,
+#define CONDITION_BIT(condition, state) condition = 1 << condition##_PLACE,
+enum { CONDITIONS(CONDITION_PLACE) N_CONDITIONS };
+enum { CONDITIONS(CONDITION_BIT) NO_CONDITION = 0 };
+
+/* Names of the states, by number; and the state of the first condition that holds, OK for none. */
+extern const char *const HEALTH_NAMES[];
+int health_state(int conditions);
 
 /* Whether loads may be used with their stated standard deviations in a state of health. */
 static inline int is_usable(double health) {

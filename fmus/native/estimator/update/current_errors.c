@@ -36,7 +36,6 @@
 #include "../numerics/dense.h"
 #include "../numerics/triangles.h"
 #include "../sample/outputs.h"
-#include "lost_rows.h"
 
 #define FIVE_VALUES 16 /* of a product: the 15 entries of a covariance row by row, and the trace; other variances follow */
 #define TRACE 15
@@ -123,12 +122,6 @@ void current_errors_prepare(Scaled *scaled) {
         /* V E_ta: the common errors in directions, in which G and P are diagonal. */
         dense_times(scaled->wide, n, n, scaled->rows, errors->product, errors->common + t * whole);
     }
-}
-
-/* Loads of direction a by load k: the five, then other ones. */
-static double load_of(const Scaled *scaled, size_t a, size_t k) {
-    const size_t m = scaled->errors.n_other;
-    return k < N_LOADS ? scaled->map->made->load[N_LOADS * a + k] : scaled->map->made->other_load[a * m + k - N_LOADS];
 }
 
 /* u and P_ii = sum over a of u_a V_ai^2 of all gauges at a ratio; scaled_form.c has the same of the step. */
@@ -371,15 +364,8 @@ void current_errors_take_lost(Scaled *scaled) {
     memcpy(errors->unresolved, step->unresolved, n * sizeof *errors->unresolved);
     set_gains(scaled, step->ratio);
     for (size_t k = 0; k < N_LOADS + errors->n_other; k++) {
-        const double *growth =
-            k < N_LOADS ? step->growth + k * step->n_lost : lost_rows_other_growth(scaled, k - N_LOADS);
-        double *restrict gain = errors->gain + k * whole;
-        for (size_t j = 0; j < step->n_lost; j++) {
-            const double *restrict y = step->y + j * whole;
-            for (size_t g = 0; g < n; g++) {
-                gain[g] -= growth[j] * y[g];
-            }
-        }
+        double *gain = errors->gain + k * whole;
+        lost_rows_take(scaled, lost_rows_growth(scaled, k), gain);
         dense_times(scaled->wide, common, n, errors->rows, gain, errors->load_along + k * dense_rows(common));
     }
     for (size_t j = 0; j < step->n_lost; j++) {

@@ -99,38 +99,34 @@ static void set_y(Scaled *scaled) {
     dense_times_many(scaled->wide, n, n, scaled->columns, step->n_lost, scaled->of_lost, whole, step->y, whole);
 }
 
-/* Rows of B: R'^-1 times V_L' W F', a load at a time. */
-static void set_growth(Scaled *scaled) {
+/* Row k of B: R'^-1 times V_L' W F'. */
+static void set_growth(const Scaled *scaled, size_t k, double *growth) {
     const ScaledStep *step = &scaled->step;
-    const NoiseMatrices *made = scaled->map->made;
-    const size_t n = scaled->map->n_gauges, n_lost = step->n_lost;
-    memset(step->growth, 0, N_LOADS * n_lost * sizeof *step->growth);
-    for (size_t j = 0; j < n_lost; j++) {
-        const double *column = made->whitening + step->lost[j] * n;
+    const size_t n = scaled->map->n_gauges;
+    for (size_t j = 0; j < step->n_lost; j++) {
+        const double *column = scaled->map->made->whitening + step->lost[j] * n;
+        growth[j] = 0.0;
         for (size_t a = 0; a < n; a++) {
-            for (size_t i = 0; i < N_LOADS; i++) {
-                step->growth[i * n_lost + j] += step->weight[a] * made->load[N_LOADS * a + i] * column[a];
-            }
-        }
-    }
-    for (size_t i = 0; i < N_LOADS; i++) {
-        solve_transposed(n, n_lost, step->qr_of_gain.matrix, step->growth + i * n_lost);
-    }
-}
-
-const double *lost_rows_other_growth(const Scaled *scaled, size_t j) {
-    const ScaledStep *step = &scaled->step;
-    const size_t n = scaled->map->n_gauges, m = scaled->other_loads->map.n_loads;
-    double *growth = scaled->other_loads->growth;
-    for (size_t k = 0; k < step->n_lost; k++) {
-        const double *column = scaled->map->made->whitening + step->lost[k] * n;
-        growth[k] = 0.0;
-        for (size_t a = 0; a < n; a++) {
-            growth[k] += step->weight[a] * scaled->map->made->other_load[a * m + j] * column[a];
+            growth[j] += step->weight[a] * load_of(scaled, a, k) * column[a];
         }
     }
     solve_transposed(n, step->n_lost, step->qr_of_gain.matrix, growth);
-    return growth;
+}
+
+const double *lost_rows_growth(const Scaled *scaled, size_t k) {
+    if (k < N_LOADS) {
+        return scaled->step.growth + k * scaled->step.n_lost;
+    }
+    set_growth(scaled, k, scaled->other_loads->growth);
+    return scaled->other_loads->growth;
+}
+
+void lost_rows_take(const Scaled *scaled, const double *growth, double *restrict gain) {
+    const ScaledStep *step = &scaled->step;
+    const size_t n = scaled->map->n_gauges;
+    for (size_t j = 0; j < step->n_lost; j++) {
+        add_times(n, -growth[j], step->y + j * dense_rows(n), gain);
+    }
 }
 
 void lost_rows_prepare(Scaled *scaled) {
@@ -141,7 +137,9 @@ void lost_rows_prepare(Scaled *scaled) {
     }
     /* The mean strain comes first: of_mean of the lost gauges is part of the derivative by q_inf. */
     predict_lost(scaled, step->qr_of_gain.matrix + step->n_lost * scaled->map->n_gauges, scaled->mean_left);
-    set_growth(scaled);
+    for (size_t k = 0; k < N_LOADS; k++) {
+        set_growth(scaled, k, step->growth + k * step->n_lost);
+    }
     set_y(scaled);
 }
 

@@ -115,8 +115,15 @@ void lost_rows_arrays(size_t n, LostRows *rows, Room *room);
    predicted. */
 void lost_rows_prepare(Scaled *scaled);
 
-/* The row of B of load j in addition to the five, in scratch of the other loads. */
-const double *lost_rows_other_growth(const Scaled *scaled, size_t j);
+/* Loads of direction a by load k: the five, then other ones. */
+static inline double load_of(const Scaled *scaled, size_t a, size_t k) {
+    const NoiseMatrices *made = scaled->map->made;
+    return k < N_LOADS ? made->load[N_LOADS * a + k] : made->other_load[a * scaled->errors.n_other + k - N_LOADS];
+}
+
+/* Row k of B, of loads in addition to the five in scratch of these; and B_k Y' taken off a gain (n_gauges). */
+const double *lost_rows_growth(const Scaled *scaled, size_t k);
+void lost_rows_take(const Scaled *scaled, const double *growth, double *gain);
 
 /* Then, of a sample: chi-square and x; w of the lost gauges is predicted. */
 void lost_rows_condition(Scaled *scaled);

@@ -121,7 +121,7 @@ static double information_left(const Map *map, size_t n_missing, Workspace *work
         }
     }
     const double least = least_singular_value(n_missing, ratio, r);
-    const double smallest = least * least >= map->min_information ? least : smallest_singular_value(n_missing, ratio);
+    const double smallest = least * least >= map->min_information ? least : smallest_singular_value(n_missing, ratio, r);
     return smallest * smallest;
 }
 

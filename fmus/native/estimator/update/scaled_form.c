@@ -32,7 +32,6 @@
 #include "../numerics/triangles.h"
 #include "../numerics/wide.h"
 #include "current_errors.h"
-#include "lost_rows.h"
 
 /* Whether the gain has another prior of the states than the truth: gamma other than 1, possible in form "absolute"
    alone. */
@@ -346,7 +345,7 @@ void scaled_other_load(const Scaled *scaled, size_t j, double *value, double *va
     }
     *value = other_loads->map.fixed_load[j] + s * other_loads->map.load_of_mean[j] + sum;
     *per_pressure = (other_loads->map.load_of_mean[j] - of_mean) / scaled->map->dynamic_pressure;
-    const double *growth = lost_rows_other_growth(scaled, j);
+    const double *growth = lost_rows_growth(scaled, N_LOADS + j);
     *variance = spread + s * s * made->other_unseen[j] + dot(step->n_lost, growth, growth);
     if (scaled->map->form.has_errors) {
         *variance += s * s * current_errors_of_other(scaled, j);
@@ -354,30 +353,20 @@ void scaled_other_load(const Scaled *scaled, size_t j, double *value, double *va
     *variance = *variance > 0.0 ? *variance : 0.0;
 }
 
-/* The gain of one load by strain, F_i W V - B_i Y'. Loads of neighbouring directions lie `apart` in memory. */
-static void set_gain(const Scaled *scaled, const double *load, size_t apart, const double *growth, double *gain) {
+/* F_k W V - B_k Y'. */
+double scaled_gain(const Scaled *scaled, size_t k, double *gain) {
     const ScaledStep *step = &scaled->step;
     const size_t n = scaled->map->n_gauges;
-    double *weighted = step->scratch[0];
+    double value, variance, per_pressure = 0.0, *weighted = step->scratch[0];
+    if (k < N_LOADS) {
+        per_pressure = step->per_pressure[k];
+    } else {
+        scaled_other_load(scaled, k - N_LOADS, &value, &variance, &per_pressure);
+    }
     for (size_t a = 0; a < n; a++) {
-        weighted[a] = step->weight[a] * load[a * apart];
+        weighted[a] = step->weight[a] * load_of(scaled, a, k);
     }
     dense_times(scaled->wide, n, n, scaled->columns, weighted, gain);
-    for (size_t k = 0; k < step->n_lost; k++) {
-        const double *y = step->y + k * dense_rows(n);
-        for (size_t g = 0; g < n; g++) {
-            gain[g] -= growth[k] * y[g];
-        }
-    }
-}
-
-void scaled_gain(const Scaled *scaled, size_t i, double *gain) {
-    set_gain(scaled, scaled->map->made->load + i, N_LOADS, scaled->step.growth + i * scaled->step.n_lost, gain);
-}
-
-double scaled_other_gain(const Scaled *scaled, size_t j, double *gain) {
-    double value, variance, per_pressure;
-    scaled_other_load(scaled, j, &value, &variance, &per_pressure);
-    set_gain(scaled, scaled->map->made->other_load + j, scaled->other_loads->map.n_loads, scaled->other_loads->growth, gain);
+    lost_rows_take(scaled, lost_rows_growth(scaled, k), gain);
     return per_pressure;
 }

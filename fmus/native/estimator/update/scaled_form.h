@@ -21,9 +21,8 @@ void scaled_standardised_residuals(Scaled *scaled, double *z);
 /* Of the last step: load j in addition to the five, its variance and derivative by q_inf. */
 void scaled_other_load(const Scaled *scaled, size_t j, double *value, double *variance, double *per_pressure);
 
-/* The gain (dense_rows(n_gauges)) of load i of the five by strain in the last step; of load j besides the five, with its
-   derivative by q_inf. */
-void scaled_gain(const Scaled *scaled, size_t i, double *gain);
-double scaled_other_gain(const Scaled *scaled, size_t j, double *gain);
+/* The gain (dense_rows(n_gauges)) by strain in the last step of load k, of the five and those in addition; its derivative by
+   q_inf. */
+double scaled_gain(const Scaled *scaled, size_t k, double *gain);
 
 #endif

@@ -14,8 +14,6 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "tare_judge.h"
-
 /* One line for the log of an FMU: why a tare was refused, the first reason that applies, or what it has taken.
    Strain is in um/m, gauges are counted from 1. docs/howto/tare.md, "When it is refused". */
 
