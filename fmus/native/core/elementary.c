@@ -134,25 +134,17 @@ static inline void logarithms_of(size_t count, double *x) {
     }
 }
 
-void exponentials(size_t count, double *x) {
-    size_t i = 0;
-    for (; i + TOGETHER <= count; i += TOGETHER) {
-        exponentials_of(TOGETHER, x + i);
+#define OF_ALL(name, some)                                            \
+    void name(size_t count, double *x) {                              \
+        for (; count >= TOGETHER; count -= TOGETHER, x += TOGETHER) { \
+            some(TOGETHER, x);                                        \
+        }                                                             \
+        for (; count > 0; count--, x++) {                             \
+            some(1, x);                                               \
+        }                                                             \
     }
-    for (; i < count; i++) {
-        exponentials_of(1, x + i);
-    }
-}
-
-void logarithms(size_t count, double *x) {
-    size_t i = 0;
-    for (; i + TOGETHER <= count; i += TOGETHER) {
-        logarithms_of(TOGETHER, x + i);
-    }
-    for (; i < count; i++) {
-        logarithms_of(1, x + i);
-    }
-}
+OF_ALL(exponentials, exponentials_of)
+OF_ALL(logarithms, logarithms_of)
 
 double exponential(double x) {
     exponentials_of(1, &x);

@@ -159,14 +159,16 @@ static int are_given(const Instance *instance, const char *function, const void 
     return instance != NULL && instance_given(instance, function, first) && instance_given(instance, function, second);
 }
 
-int state_get(Instance *instance, const char *function, void **state) {
-    if (!are_given(instance, function, state, state)) {
-        return STATUS_ERROR;
-    }
+/* The place for a serialised state in an FMU state, which is made where there is none yet; NULL after a message. */
+static unsigned char *place_in(const Instance *instance, void **state) {
     if (*state == NULL) {
         *state = new_state(instance);
     }
-    unsigned char *bytes = *state != NULL ? serialised(instance, *state) : NULL;
+    return *state != NULL ? serialised(instance, *state) : NULL;
+}
+
+int state_get(Instance *instance, const char *function, void **state) {
+    unsigned char *bytes = are_given(instance, function, state, state) ? place_in(instance, state) : NULL;
     if (bytes == NULL) {
         return STATUS_ERROR;
     }
@@ -226,10 +228,7 @@ int state_deserialize(Instance *instance, const char *function, const void *byte
     if (fault != NULL) {
         return instance_error(instance, "the serialised state %s", fault);
     }
-    if (*state == NULL) {
-        *state = new_state(instance);
-    }
-    unsigned char *content = *state != NULL ? serialised(instance, *state) : NULL;
+    unsigned char *content = place_in(instance, state);
     if (content == NULL) {
         return STATUS_ERROR;
     }

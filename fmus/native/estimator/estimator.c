@@ -23,6 +23,7 @@
 #include <string.h>
 
 #include "linear/linear.h"
+#include "numerics/dense.h"
 #include "policies/filtered_outputs.h"
 
 /* Iterations of a step that does not search the tables; a search takes more. */

@@ -77,21 +77,16 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real currentCommunicationPoint, fmi2R
     return (fmi2Status)instance_step(c, "fmi2DoStep", currentCommunicationPoint, communicationStepSize);
 }
 
-fmi2Status fmi2SetRealInputDerivatives(fmi2Component c, const fmi2ValueReference vr[], size_t nvr,
-                                       const fmi2Integer order[], const fmi2Real value[]) {
-    (void)vr;
-    (void)order;
-    (void)value;
-    return nvr == 0 && c != NULL ? fmi2OK : (fmi2Status)instance_not_offered(c, "fmi2SetRealInputDerivatives");
-}
-
-fmi2Status fmi2GetRealOutputDerivatives(fmi2Component c, const fmi2ValueReference vr[], size_t nvr,
-                                        const fmi2Integer order[], fmi2Real value[]) {
-    (void)vr;
-    (void)order;
-    (void)value;
-    return nvr == 0 && c != NULL ? fmi2OK : (fmi2Status)instance_not_offered(c, "fmi2GetRealOutputDerivatives");
-}
+#define NO_DERIVATIVES_BY_TIME(function, Values)                                                               \
+    fmi2Status function(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, const fmi2Integer order[], \
+                        Values value[]) {                                                                      \
+        (void)vr;                                                                                              \
+        (void)order;                                                                                           \
+        (void)value;                                                                                           \
+        return nvr == 0 && c != NULL ? fmi2OK : (fmi2Status)instance_not_offered(c, #function);                \
+    }
+NO_DERIVATIVES_BY_TIME(fmi2SetRealInputDerivatives, const fmi2Real)
+NO_DERIVATIVES_BY_TIME(fmi2GetRealOutputDerivatives, fmi2Real)
 
 fmi2Status fmi2CancelStep(fmi2Component c) {
     return (fmi2Status)instance_not_offered(c, "fmi2CancelStep");

@@ -12,10 +12,6 @@ static fmi3Status no_variables(Instance *instance, const char *function, const f
     return nReferences == 0 ? fmi3OK : fmi3_wrong_type(instance, function, references[0]);
 }
 
-static fmi3Status not_offered(const Instance *instance, const char *function) {
-    return (fmi3Status)instance_not_offered(instance, function);
-}
-
 /* Parameters of the standard that no function here needs. */
 static void unused(int number, ...) {
     (void)number;
@@ -62,29 +58,26 @@ NO_VARIABLES(fmi3SetShiftFraction, (VARIABLES, const fmi3UInt64 counters[], cons
 
 fmi3Status fmi3GetOutputDerivatives(VARIABLES, const fmi3Int32 orders[], fmi3Float64 values[], size_t nValues) {
     unused(0, valueReferences, orders, values, nValues);
-    return nValueReferences == 0 && instance != NULL ? fmi3OK : not_offered(instance, "fmi3GetOutputDerivatives");
+    return nValueReferences == 0 && instance != NULL ? fmi3OK : (fmi3Status)instance_not_offered(instance, "fmi3GetOutputDerivatives");
 }
 
-fmi3Status fmi3GetNumberOfVariableDependencies(fmi3Instance instance, fmi3ValueReference valueReference,
-                                               size_t *nDependencies) {
-    unused(0, valueReference, nDependencies);
-    return not_offered(instance, "fmi3GetNumberOfVariableDependencies");
-}
+/* A function that is not offered, alike. */
+#define NOT_OFFERED(function, parameters, ...)                        \
+    fmi3Status function parameters {                                  \
+        unused(0, __VA_ARGS__);                                       \
+        return (fmi3Status)instance_not_offered(instance, #function); \
+    }
 
-fmi3Status fmi3GetVariableDependencies(fmi3Instance instance, fmi3ValueReference dependent,
-                                       size_t elementIndicesOfDependent[], fmi3ValueReference independents[],
-                                       size_t elementIndicesOfIndependents[], fmi3DependencyKind dependencyKinds[],
-                                       size_t nDependencies) {
-    unused(0, dependent, elementIndicesOfDependent, independents, elementIndicesOfIndependents, dependencyKinds,
-           nDependencies);
-    return not_offered(instance, "fmi3GetVariableDependencies");
-}
-
-fmi3Status fmi3ActivateModelPartition(fmi3Instance instance, fmi3ValueReference clockReference,
-                                      fmi3Float64 activationTime) {
-    unused(0, clockReference, activationTime);
-    return not_offered(instance, "fmi3ActivateModelPartition");
-}
+NOT_OFFERED(fmi3GetNumberOfVariableDependencies,
+            (fmi3Instance instance, fmi3ValueReference valueReference, size_t *nDependencies), valueReference, nDependencies)
+NOT_OFFERED(fmi3GetVariableDependencies,
+            (fmi3Instance instance, fmi3ValueReference dependent, size_t elementIndicesOfDependent[],
+             fmi3ValueReference independents[], size_t elementIndicesOfIndependents[], fmi3DependencyKind dependencyKinds[],
+             size_t nDependencies),
+            dependent, elementIndicesOfDependent, independents, elementIndicesOfIndependents, dependencyKinds, nDependencies)
+NOT_OFFERED(fmi3ActivateModelPartition,
+            (fmi3Instance instance, fmi3ValueReference clockReference, fmi3Float64 activationTime), clockReference,
+            activationTime)
 
 fmi3Instance fmi3InstantiateScheduledExecution(fmi3String instanceName, fmi3String instantiationToken,
                                                fmi3String resourcePath, fmi3Boolean visible, fmi3Boolean loggingOn,

@@ -39,47 +39,6 @@ static fmi3Status refused(const Instance *s, const char *function, fmi3ValueRefe
     return (fmi3Status)instance_error(s, "%s: value reference %lu: %s", function, (unsigned long)reference, text);
 }
 
-fmi3Status fmi3GetFloat64(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,
-                          fmi3Float64 values[], size_t nValues) {
-    static const char NAME[] = "fmi3GetFloat64";
-    Instance *s = instance;
-    char text[MODEL_TEXT_SIZE];
-    if (!lists_fit(s, NAME, READABLE, valueReferences, nValueReferences, values, nValues)) {
-        return fmi3Error;
-    }
-    for (size_t i = 0; i < nValueReferences; i++) {
-        const Selection which = fmi3_array(s, valueReferences[i]);
-        if (which.count == 0) {
-            *values++ = s->model->time;
-        } else if (!model_get(s->model, REAL, &which, values, text)) {
-            return fmi3_wrong_type(s, NAME, valueReferences[i]);
-        }
-        values += which.count;
-    }
-    return fmi3OK;
-}
-
-fmi3Status fmi3SetFloat64(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,
-                          const fmi3Float64 values[], size_t nValues) {
-    static const char NAME[] = "fmi3SetFloat64";
-    Instance *s = instance;
-    char text[MODEL_TEXT_SIZE];
-    if (!lists_fit(s, NAME, SETTABLE, valueReferences, nValueReferences, values, nValues)) {
-        return fmi3Error;
-    }
-    for (size_t i = 0; i < nValueReferences; i++) {
-        const Selection which = fmi3_array(s, valueReferences[i]);
-        if (which.count == 0) {
-            return (fmi3Status)instance_error(s, "%s: time cannot be set", NAME);
-        }
-        if (!model_set(s->model, REAL, &which, values, text)) {
-            return refused(s, NAME, valueReferences[i], text);
-        }
-        values += which.count;
-    }
-    return fmi3OK;
-}
-
 /* Elements of an array, from element k on, of which at most CHUNK are converted at once. */
 static Selection chunk_of(const Selection *array, size_t k) {
     return (Selection){NULL, array->first + k, array->count - k < CHUNK ? array->count - k : CHUNK};
@@ -90,70 +49,82 @@ static int is_of(const Instance *s, const Selection *array, Type type) {
     return array->count > 0 && model_type_of(s->model, array->first) == type;
 }
 
+/* The values of a type of FMI 3.0 are variables of one type of the model, which reads and sets them as another: numbers as they
+   are, others by the chunk. Time is no variable. */
+#define GET(Name, variables, type)                                                                     \
+    fmi3Status fmi3Get##Name(fmi3Instance instance, const fmi3ValueReference valueReferences[],        \
+                             size_t nValueReferences, fmi3##Name values[], size_t nValues) {           \
+        static const char NAME[] = "fmi3Get" #Name;                                                    \
+        Instance *s = instance;                                                                        \
+        char text[MODEL_TEXT_SIZE];                                                                    \
+        if (!lists_fit(s, NAME, READABLE, valueReferences, nValueReferences, values, nValues)) {       \
+            return fmi3Error;                                                                          \
+        }                                                                                              \
+        for (size_t i = 0; i < nValueReferences; i++) {                                                \
+            const Selection array = fmi3_array(s, valueReferences[i]);                                 \
+            const int is_time = type == REAL && array.count == 0;                                      \
+            if (!is_time && (!is_of(s, &array, variables)                                              \
+                             || (type == REAL && !model_get(s->model, type, &array, values, text)))) { \
+                return fmi3_wrong_type(s, NAME, valueReferences[i]);                                   \
+            }                                                                                          \
+            for (size_t k = 0; type != REAL && k < array.count; k += CHUNK) {                          \
+                int chunk[CHUNK];                                                                      \
+                const Selection which = chunk_of(&array, k);                                           \
+                if (!model_get(s->model, type, &which, chunk, text)) {                                 \
+                    return fmi3_wrong_type(s, NAME, valueReferences[i]);                               \
+                }                                                                                      \
+                for (size_t j = 0; j < which.count; j++) {                                             \
+                    values[k + j] = (fmi3##Name)chunk[j];                                              \
+                }                                                                                      \
+            }                                                                                          \
+            if (is_time) {                                                                             \
+                *values = (fmi3##Name)s->model->time;                                                  \
+            }                                                                                          \
+            values += is_time ? 1 : array.count;                                                       \
+        }                                                                                              \
+        return fmi3OK;                                                                                 \
+    }
+
+#define SET(Name, variables, type)                                                                 \
+    fmi3Status fmi3Set##Name(fmi3Instance instance, const fmi3ValueReference valueReferences[],    \
+                             size_t nValueReferences, const fmi3##Name values[], size_t nValues) { \
+        static const char NAME[] = "fmi3Set" #Name;                                                \
+        Instance *s = instance;                                                                    \
+        char text[MODEL_TEXT_SIZE];                                                                \
+        if (!lists_fit(s, NAME, SETTABLE, valueReferences, nValueReferences, values, nValues)) {   \
+            return fmi3Error;                                                                      \
+        }                                                                                          \
+        for (size_t i = 0; i < nValueReferences; i++) {                                            \
+            const Selection array = fmi3_array(s, valueReferences[i]);                             \
+            if (!is_of(s, &array, variables)) {                                                    \
+                return fmi3_wrong_type(s, NAME, valueReferences[i]);                               \
+            }                                                                                      \
+            for (size_t k = 0; k < array.count; k += type == REAL ? array.count : CHUNK) {         \
+                int chunk[CHUNK];                                                                  \
+                const Selection which = type == REAL ? array : chunk_of(&array, k);                \
+                for (size_t j = 0; type != REAL && j < which.count; j++) {                         \
+                    chunk[j] = as_int((fmi3Int64)values[k + j]);                                   \
+                }                                                                                  \
+                const void *given = type == REAL ? (const void *)values : chunk;                   \
+                if (!model_set(s->model, type, &which, given, text)) {                             \
+                    return refused(s, NAME, valueReferences[i], text);                             \
+                }                                                                                  \
+            }                                                                                      \
+            values += array.count;                                                                 \
+        }                                                                                          \
+        return fmi3OK;                                                                             \
+    }
+
 /* The nearest int: no variable takes a number beyond. */
 static int as_int(fmi3Int64 value) {
     return value > INT_MAX ? INT_MAX : value < INT_MIN ? INT_MIN : (int)value;
 }
 
-#define GET(Name, variables, type)                                                                    \
-    fmi3Status fmi3Get##Name(fmi3Instance instance, const fmi3ValueReference valueReferences[],       \
-                             size_t nValueReferences, fmi3##Name values[], size_t nValues) {          \
-        static const char NAME[] = "fmi3Get" #Name;                                                   \
-        Instance *s = instance;                                                                       \
-        char text[MODEL_TEXT_SIZE];                                                                   \
-        if (!lists_fit(s, NAME, READABLE, valueReferences, nValueReferences, values, nValues)) { \
-            return fmi3Error;                                                                         \
-        }                                                                                             \
-        for (size_t i = 0; i < nValueReferences; i++) {                                               \
-            const Selection array = fmi3_array(s, valueReferences[i]);                                \
-            if (!is_of(s, &array, variables)) {                                                       \
-                return fmi3_wrong_type(s, NAME, valueReferences[i]);                                  \
-            }                                                                                         \
-            for (size_t k = 0; k < array.count; k += CHUNK) {                                         \
-                int chunk[CHUNK];                                                                     \
-                const Selection which = chunk_of(&array, k);                                          \
-                if (!model_get(s->model, type, &which, chunk, text)) {                                \
-                    return fmi3_wrong_type(s, NAME, valueReferences[i]);                              \
-                }                                                                                     \
-                for (size_t j = 0; j < which.count; j++) {                                            \
-                    *values++ = (fmi3##Name)chunk[j];                                                 \
-                }                                                                                     \
-            }                                                                                         \
-        }                                                                                             \
-        return fmi3OK;                                                                                \
-    }
-
-#define SET(Name, variables, type)                                                                    \
-    fmi3Status fmi3Set##Name(fmi3Instance instance, const fmi3ValueReference valueReferences[],       \
-                             size_t nValueReferences, const fmi3##Name values[], size_t nValues) {    \
-        static const char NAME[] = "fmi3Set" #Name;                                                   \
-        Instance *s = instance;                                                                       \
-        char text[MODEL_TEXT_SIZE];                                                                   \
-        if (!lists_fit(s, NAME, SETTABLE, valueReferences, nValueReferences, values, nValues)) { \
-            return fmi3Error;                                                                         \
-        }                                                                                             \
-        for (size_t i = 0; i < nValueReferences; i++) {                                               \
-            const Selection array = fmi3_array(s, valueReferences[i]);                                \
-            if (!is_of(s, &array, variables)) {                                                       \
-                return fmi3_wrong_type(s, NAME, valueReferences[i]);                                  \
-            }                                                                                         \
-            for (size_t k = 0; k < array.count; k += CHUNK) {                                         \
-                int chunk[CHUNK];                                                                     \
-                const Selection which = chunk_of(&array, k);                                          \
-                for (size_t j = 0; j < which.count; j++) {                                            \
-                    chunk[j] = as_int((fmi3Int64)*values++);                                          \
-                }                                                                                     \
-                if (!model_set(s->model, type, &which, chunk, text)) {                                \
-                    return refused(s, NAME, valueReferences[i], text);                                \
-                }                                                                                     \
-            }                                                                                         \
-        }                                                                                             \
-        return fmi3OK;                                                                                \
-    }
-
+GET(Float64, REAL, REAL)
 GET(Int32, INTEGER, INTEGER)
 GET(Int64, ENUMERATION, INTEGER)
 GET(Boolean, BOOLEAN, BOOLEAN)
+SET(Float64, REAL, REAL)
 SET(Int32, INTEGER, INTEGER)
 SET(Int64, ENUMERATION, INTEGER)
 SET(Boolean, BOOLEAN, BOOLEAN)

@@ -10,6 +10,7 @@ import re
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from textwrap import wrap
 
 from strainfmu.estimator.map.schema import Entry
 from strainfmu.estimator.resource.map_file import LAYOUT
@@ -102,8 +103,8 @@ TERM = re.compile(r"(?:(\d+)\*)?([a-z]\w*)([+-]\d+)?")
 def header() -> str:
     """Return the content of ``map_layout.h``."""
     groups = [(group, _arrays_of(group)) for group in GROUPS]
-    lines = [*_OPENING.splitlines(), "", "enum {", "    SYM_NONE,"]
-    lines += [*(f"    SYM_{_name(symbol)}," for symbol in _symbols(groups)), "    N_SYMBOLS", "};", ""]
+    symbols = ", ".join(["SYM_NONE", *(f"SYM_{_name(symbol)}" for symbol in _symbols(groups)), "N_SYMBOLS"])
+    lines = [*_OPENING.splitlines(), "", "enum {", *wrap(symbols, 120, initial_indent=" " * 4, subsequent_indent=" " * 4), "};", ""]
     for group, arrays in groups:
         rows = [*map(_length_row, group.lengths), *map(_row, arrays)]
         lines += [

@@ -378,6 +378,22 @@ void flight_solve_again(FlightSolver *solver, const double *weighted_at, const d
     flight_settle(solver);
 }
 
+KeptSolution flight_keep(const FlightSolver *solver) {
+    KeptSolution kept;
+    memcpy(kept.state, solver->solution.state, sizeof kept.state);
+    memcpy(kept.weighted_at, solver->factor_state, sizeof kept.weighted_at);
+    memcpy(kept.precision, solver->sample.precision, sizeof kept.precision);
+    memcpy(kept.residual, solver->solution.navigation_residual, sizeof kept.residual);
+    memcpy(kept.widening, solver->solution.widening, sizeof kept.widening);
+    return kept;
+}
+
+void flight_take_again(FlightSolver *solver, const KeptSolution *kept) {
+    memcpy(solver->sample.precision, kept->precision, sizeof kept->precision);
+    flight_solve_again(solver, kept->weighted_at, kept->state);
+    memcpy(solver->solution.navigation_residual, kept->residual, sizeof kept->residual);
+}
+
 void flight_linearise_at(FlightSolver *solver, const double *state) {
     evaluate(solver, state);
     linearise(solver);

@@ -11,6 +11,17 @@ void flight_solve_warm(FlightSolver *solver, const double *state);
 /* The solution that iterations have ended with before, at solver->state with S at solver->factor_state. */
 void flight_solve_again(FlightSolver *solver, const double *weighted_at, const double *state);
 
+/* What it takes to have a solution again: its state and S's, what counts of navigation, residuals of it, and widening. */
+typedef struct {
+    double state[N_STATES], weighted_at[N_STATES];
+    double precision[N_NAVIGATION], residual[N_NAVIGATION], widening[N_WIDENING];
+} KeptSolution;
+
+KeptSolution flight_keep(const FlightSolver *solver);
+
+/* The same but for its widening. */
+void flight_take_again(FlightSolver *solver, const KeptSolution *kept);
+
 /* The parts of it: S renewed half-way, and what shows the best end of a search; the solution from a state; the problem about
    a state weighted by the last S, and by S there; -2 ln likelihood of the problem, less a constant. */
 double flight_iterate_start(FlightSolver *solver, double *state);

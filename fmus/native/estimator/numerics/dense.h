@@ -46,4 +46,7 @@ void dense_times_many(int wide, size_t rows, size_t columns, const double *panel
 /* The same of one in float; y has narrow_rows(rows) elements. */
 void narrow_times(int wide, size_t rows, size_t columns, const float *panels, const float *x, float *y);
 
+/* Whether the processor and the system have AVX2: 1, or 2 with AVX-512, too; for wide.h. */
+int wide_of_processor(void);
+
 #endif

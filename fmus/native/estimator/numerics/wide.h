@@ -32,9 +32,6 @@
 #define FOR_AVX2(name, parameters, arguments)
 #endif
 
-/* Whether the processor and the system have AVX2: 1, or 2 with AVX-512, too. */
-int wide_of_processor(void);
-
 #define LANES 4
 
 /* The smallest multiple of LANES that holds n. */

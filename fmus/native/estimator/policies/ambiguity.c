@@ -210,18 +210,17 @@ void flight_widen_searched(FlightSolver *solver) {
 }
 
 void flight_search_more(FlightSolver *solver) {
-    double widening[N_WIDENING], state[N_STATES], weighted_at[N_STATES];
-    memcpy(state, solver->state, sizeof state);
-    memcpy(weighted_at, solver->factor_state, sizeof weighted_at);
+    const KeptSolution kept = flight_keep(solver);
+    double widening[N_WIDENING];
     const size_t best = flight_search_ends(solver);
-    flight_linearise_anew(solver, state);
+    flight_linearise_anew(solver, kept.state);
     if (flight_search_kept(solver) && solver->end_deviance[best] < flight_deviance(solver) - BETTER) {
         flight_solve_from(solver, solver->end[best]);
         flight_widen_searched(solver);
         return;
     }
     find_widening(solver, widening);
-    flight_solve_again(solver, weighted_at, state);
+    flight_take_again(solver, &kept);
     flight_widen(solver, widening);
 }
 
@@ -258,11 +257,6 @@ typedef struct {
     size_t count;
     double state[1 + MOST_OTHERS][N_STATES], deviance[1 + MOST_OTHERS];
 } Solutions;
-
-/* What flight_solve_again leaves out of a solution. */
-typedef struct {
-    double weighted_at[N_STATES], widening[N_WIDENING], residual[N_NAVIGATION];
-} Kept;
 
 int flight_gauges_are_lost(const FlightSolver *solver) {
     size_t lost = 0;
@@ -405,7 +399,7 @@ static void add_difference(size_t order, double part, const double *value, const
 
 /* The solution from the best state on, with the differences to the others. Loads and coefficients of each are
    computed at its own state. */
-static void conclude(FlightSolver *solver, const Solutions *all, size_t best, const Kept *kept) {
+static void conclude(FlightSolver *solver, const Solutions *all, size_t best, const KeptSolution *kept) {
     Solution *solution = &solver->solution;
     double part[MOST_OTHERS], loads[MOST_OTHERS][N_LOADS], coefficients[MOST_OTHERS][N_LOADS];
     size_t other[MOST_OTHERS], n_others = 0;
@@ -422,8 +416,12 @@ static void conclude(FlightSolver *solver, const Solutions *all, size_t best, co
         part[n_others] = PART * weight;
         other[n_others++] = s;
     }
-    flight_solve_again(solver, best == 0 ? kept->weighted_at : all->state[best], all->state[best]);
-    memcpy(solution->navigation_residual, kept->residual, sizeof kept->residual);
+    if (best == 0) {
+        flight_take_again(solver, kept);
+    } else {
+        flight_solve_again(solver, all->state[best], all->state[best]);
+        memcpy(solution->navigation_residual, kept->residual, sizeof kept->residual);
+    }
     if (kept->widening[0] != 0.0) {
         flight_widen(solver, kept->widening);
     }
@@ -439,13 +437,9 @@ static void conclude(FlightSolver *solver, const Solutions *all, size_t best, co
 }
 
 void flight_look_for_others(FlightSolver *solver) {
-    const Solution *solution = &solver->solution;
     Solutions all = {.count = 1};
-    Kept kept;
-    memcpy(all.state[0], solution->state, sizeof solution->state);
-    memcpy(kept.weighted_at, solver->factor_state, sizeof kept.weighted_at);
-    memcpy(kept.widening, solution->widening, sizeof kept.widening);
-    memcpy(kept.residual, solution->navigation_residual, sizeof kept.residual);
+    const KeptSolution kept = flight_keep(solver);
+    memcpy(all.state[0], kept.state, sizeof kept.state);
     if (!find_solutions(solver, &all)) {
         return;
     }

@@ -82,12 +82,6 @@ static double flight_since_search(const Flight *flight, int searched) {
 /* How good a solution is: strain does not fit, navigation is dropped with an alarm, neither. */
 typedef enum { FITS_NOT, ALARMS, FITS } Quality;
 
-/* What it takes to have a solution again: its state and S's, what counts of navigation, and its residuals with all. */
-typedef struct {
-    double state[N_STATES], weighted_at[N_STATES];
-    double precision[N_NAVIGATION], residual[N_NAVIGATION];
-} Attempt;
-
 static void solve(Flight *flight, int search) {
     if (search) {
         flight_solve_cold(&flight->solver);
@@ -113,21 +107,6 @@ static Quality attempt(Flight *flight, size_t used, int search, Quality quality)
     return !flight_solution_fits(flight, used) ? FITS_NOT : flight_navigation_alarms(flight) ? ALARMS : FITS;
 }
 
-static Attempt kept_attempt(const FlightSolver *solver) {
-    Attempt kept;
-    memcpy(kept.state, solver->state, sizeof kept.state);
-    memcpy(kept.weighted_at, solver->factor_state, sizeof kept.weighted_at);
-    memcpy(kept.precision, solver->sample.precision, sizeof kept.precision);
-    memcpy(kept.residual, solver->solution.navigation_residual, sizeof kept.residual);
-    return kept;
-}
-
-static void take_again(FlightSolver *solver, const Attempt *kept) {
-    memcpy(solver->sample.precision, kept->precision, sizeof kept->precision);
-    flight_solve_again(solver, kept->weighted_at, kept->state);
-    memcpy(solver->solution.navigation_residual, kept->residual, sizeof kept->residual);
-}
-
 /* Residuals of air data are of the solution with all of them, and stay. */
 static void widen_by(FlightSolver *solver, void (*look)(FlightSolver *)) {
     double residual[N_NAVIGATION];
@@ -148,14 +127,14 @@ static Quality solve_best(Flight *flight, size_t used, int *searched, int *by_se
     if (first || quality == FITS || (quality == ALARMS && base->since_search < flight->map.search_every)) {
         return quality;
     }
-    const Attempt kept = kept_attempt(solver);
+    const KeptSolution kept = flight_keep(solver);
     const Quality other = attempt(flight, used, 1, quality);
     *searched = 1;
     *by_search = other > quality;
     if (*by_search) {
         return other;
     }
-    take_again(solver, &kept);
+    flight_take_again(solver, &kept);
     return quality;
 }
 

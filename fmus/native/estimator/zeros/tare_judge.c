@@ -165,30 +165,34 @@ static double median(double *values, size_t count) {
     return count % 2 ? values[count / 2] : 0.5 * (values[count / 2 - 1] + values[count / 2]);
 }
 
-/* A straight line through the means of stretches of a gauge, `join` (1 or 2) stretches taken together: its slope per
-   stretch, and the sum of squares about it. */
-static double about_line(const WindowStatistics *statistics, size_t n, size_t gauge, size_t join, double *slope) {
-    const size_t count = statistics->n_stretches / join;
-    double mean = 0.0, of_place = 0.0, square = 0.0, means[MAX_STRETCHES];
+/* A straight line through values: its slope from one to the next, and the sum of squares about it. */
+static double about_line(size_t count, const double *value, double *slope) {
+    double mean = 0.0, of_place = 0.0, square = 0.0;
     *slope = 0.0;
     for (size_t k = 0; k < count; k++) {
-        const double *row = statistics->stretch + k * join * n + gauge;
-        means[k] = join == 1 ? row[0] : 0.5 * (row[0] + row[n]);
-        mean += means[k];
-    }
-    mean /= (double)count;
-    for (size_t k = 0; k < count; k++) {
         const double place = (double)k - 0.5 * (double)(count - 1);
-        *slope += place * means[k];
+        mean += value[k];
+        *slope += place * value[k];
         of_place += place * place;
     }
+    mean /= (double)count;
     *slope /= of_place;
     for (size_t k = 0; k < count; k++) {
         const double place = (double)k - 0.5 * (double)(count - 1);
-        const double rest = means[k] - mean - place * *slope;
+        const double rest = value[k] - mean - place * *slope;
         square += rest * rest;
     }
     return square;
+}
+
+/* The same of the means of stretches of a gauge, `join` (1 or 2) stretches taken together. */
+static double means_about_line(const WindowStatistics *statistics, size_t n, size_t gauge, size_t join, double *slope) {
+    double means[MAX_STRETCHES] = {0.0};
+    for (size_t k = 0; k < statistics->n_stretches / join; k++) {
+        const double *row = statistics->stretch + k * join * n + gauge;
+        means[k] = join == 1 ? row[0] : 0.5 * (row[0] + row[n]);
+    }
+    return about_line(statistics->n_stretches / join, means, slope);
 }
 
 /* k, and standard deviations and rises of the zeros. */
@@ -204,7 +208,7 @@ static void set_deviations(Tare *tare, const Judgement *j) {
     }
     for (size_t i = 0; i < n; i++) {
         double slope, coarse_slope;
-        const double square = about_line(statistics, n, i, 1, &slope), coarse = about_line(statistics, n, i, 2, &coarse_slope);
+        const double square = means_about_line(statistics, n, i, 1, &slope), coarse = means_about_line(statistics, n, i, 2, &coarse_slope);
         const double variance = statistics->scatter[i] * statistics->scatter[i];
         const double rise = slope * samples / length, rise_std = sqrt(square / (double)(b - 2) / places);
         j->rise[i] = fabs(rise) > tare->limits.moved * rise_std ? rise : 0.0;
@@ -243,27 +247,17 @@ static void set_deviations(Tare *tare, const Judgement *j) {
 static double common_std(const WindowStatistics *statistics, size_t n, size_t n_reading) {
     const size_t b = statistics->n_stretches;
     const double freedom = (double)(b - 2), count = (double)n_reading;
-    double of_sums = 0.0, of_each = 0.0, sums[MAX_STRETCHES] = {0.0}, mean = 0.0, slope = 0.0, places = 0.0;
+    double of_each = 0.0, sums[MAX_STRETCHES] = {0.0}, slope;
     if (n_reading < 2) {
         return 0.0;
     }
     for (size_t i = 0; i < n; i++) { /* those that do not read are 0 */
-        of_each += about_line(statistics, n, i, 1, &slope);
+        of_each += means_about_line(statistics, n, i, 1, &slope);
         for (size_t k = 0; k < b; k++) {
             sums[k] += statistics->stretch[k * n + i];
         }
     }
-    slope = 0.0;
-    for (size_t k = 0; k < b; k++) {
-        const double place = (double)k - 0.5 * (double)(b - 1);
-        mean += sums[k] / (double)b;
-        slope += place * sums[k];
-        places += place * place;
-    }
-    for (size_t k = 0; k < b; k++) {
-        const double rest = sums[k] - mean - ((double)k - 0.5 * (double)(b - 1)) * slope / places;
-        of_sums += rest * rest;
-    }
+    const double of_sums = about_line(b, sums, &slope);
     const double shared = (of_sums - of_each) / (freedom * count * (count - 1.0));
     const double chance = of_each / (freedom * count) * sqrt(2.0 / freedom) / count * 3.0;
     return shared > chance ? sqrt(shared / (double)b) : 0.0;
