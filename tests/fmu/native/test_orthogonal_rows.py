@@ -25,7 +25,7 @@ pytestmark = [
 @pytest.fixture(scope="module")
 def library(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
     path = tmp_path_factory.mktemp("rows") / "rows.so"
-    program_by_zig("x86_64-linux-gnu.2.17", path, [NUMERICS / "orthogonal_rows.c"], "-shared", "-fPIC")
+    program_by_zig("x86_64-linux-gnu.2.17", path, [NUMERICS / "triangles.c"], "-shared", "-fPIC")
     found = ctypes.CDLL(str(path))
     found.orthogonal_rows_doubles.restype = ctypes.c_size_t
     found.orthogonal_rows_doubles.argtypes = (ctypes.c_size_t,) * 2

@@ -2,7 +2,7 @@
    conditioned loads.
 
    Strain gives loads only with a dynamic pressure q and its standard deviation: stated, the map's, or, where q is
-   computed from M and a pressure, by its sources (sample/air_data.c). Then scaled_form.c conditions the loads
+   computed from M and a pressure, by its sources (sample/inputs.c). Then scaled_form.c conditions the loads
    (linear_outputs.c).
 
    Measured angles may contradict the lateral coefficients. Lateral force rises by at most 1 / incidence_per_force
@@ -23,7 +23,6 @@
 #include <math.h>
 #include <string.h>
 
-#include "../sample/air_data.h"
 #include "../update/scaled_form.h"
 
 /* Arrays of every step come first: they are aligned as the block is. */

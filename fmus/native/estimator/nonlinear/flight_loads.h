@@ -4,7 +4,7 @@
 #define FLIGHT_LOADS_H
 
 #include "../sample/inputs.h"
-#include "../update/other_loads.h"
+#include "../sample/outputs.h"
 #include "flight_solver.h"
 
 /* Loads and coefficients of the solution, from its state and the problem about it; their covariances, and the state's, by

@@ -3,8 +3,7 @@
 #ifndef FLIGHT_SOLVER_H
 #define FLIGHT_SOLVER_H
 
-#include "../map/map_resource.h"
-#include "../sample/air_data.h"
+#include "../sample/inputs.h"
 #include "flight_tables.h"
 
 #define N_RIGHT (1 + N_STATES) /* residual, then the columns of its Jacobian */

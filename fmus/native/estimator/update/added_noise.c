@@ -50,11 +50,11 @@
 
    Other loads (section loads, rolling moment) are more rows of the same. An SVD would give the same numbers; turning
    rows until they are orthogonal keeps small S to full relative accuracy, can be divided into parts of bounded time,
-   and gives the same bits on every platform (orthogonal_rows.c). docs/explanation/dynamic_pressure.md, "Weights at
+   and gives the same bits on every platform (triangles.c). docs/explanation/dynamic_pressure.md, "Weights at
    any dynamic pressure"; prepare in strainfmu/estimator/reference/update.py. */
 
 /* Scratch: [L^-1 A, L^-1 N, L^-1] by columns; the rows [K, Q_2' L^-1] below the free states; two triangles of a root
-   that is not kept; loads of five rows; scratch of orthogonal_rows.h. */
+   that is not kept; loads of five rows; scratch of triangles.h. */
 static size_t pressure_directions_doubles(const Map *map) {
     const size_t n = map->n_gauges;
     return n * (map->form.n_free + 2 * n) + 2 * n * n + n * (n + 1) + 2 * N_LOADS * n + orthogonal_rows_doubles(n, 2 * n);
@@ -174,7 +174,7 @@ static void set_unseen(const AddedNoise *noise, const LoadRows *five, const Load
     }
 }
 
-/* Parts of the scratch `large`: orthogonal_rows.h has what is left of it. */
+/* Parts of the scratch `large`: triangles.h has what is left of it. */
 typedef struct {
     double *whole, *rows, *root, *inverse, *of_free, *of_spread, *scratch;
 } Parts;

@@ -4,8 +4,8 @@
 #ifndef ADDED_NOISE_H
 #define ADDED_NOISE_H
 
-#include "../numerics/orthogonal_rows.h"
-#include "other_loads.h"
+#include "../numerics/triangles.h"
+#include "../sample/outputs.h"
 
 typedef struct {
     int wide;        /* wide_of_processor() */

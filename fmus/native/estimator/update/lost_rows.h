@@ -3,7 +3,7 @@
 #ifndef LOST_ROWS_H
 #define LOST_ROWS_H
 
-#include "other_loads.h"
+#include "../sample/outputs.h"
 #include "prepared.h"
 
 #define N_VALUES 16 /* the 15 entries of a covariance row by row, and a zero */
