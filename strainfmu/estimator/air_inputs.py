@@ -1,7 +1,7 @@
 """Air data: the inputs of an estimator for flow and navigation, one table, and the air data that it gives.
 
 Python's arguments, the record of the compiled core, variables of FMUs, columns of recordings, entries of a bus and
-their units follow :data:`AIR_INPUTS`. The core's own list is fmus/native/estimator/sample/inputs.h.
+their units follow :data:`AIR_INPUTS`. The core's own list is fmus/native/estimator/sample/sample.h.
 """
 
 from __future__ import annotations

@@ -74,7 +74,7 @@ def plant_data(model: FlightModel, motion: Motion, trajectory: Trajectory | None
 
 
 def _flight_model_data(model: FlightModel) -> FloatArray:
-    """Return the flight model as flight_model.c reads it."""
+    """Return the flight model as plant.c reads it."""
     n_mach, n_incidence = len(model.mach_knots), len(model.incidence_knots)
     n_channel, n_harmonic = model.strain_table.shape[4:6]
     layers = layer_table()

@@ -15,7 +15,7 @@ pytestmark = pytest.mark.fast
 
 ROOT = Path(__file__).parents[2]
 ESTIMATOR = ROOT / "fmus" / "native" / "estimator"
-OUTPUTS = (ESTIMATOR / "sample" / "outputs.h").read_text("utf-8")
+OUTPUTS = (ESTIMATOR / "sample" / "sample.h").read_text("utf-8")
 ROWS = re.findall(r"^    X\(([A-Z_]+), ([A-Z_]+)\)", OUTPUTS, re.MULTILINE)
 
 

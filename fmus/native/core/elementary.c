@@ -134,17 +134,21 @@ static inline void logarithms_of(size_t count, double *x) {
     }
 }
 
-#define OF_ALL(name, some)                                            \
-    void name(size_t count, double *x) {                              \
-        for (; count >= TOGETHER; count -= TOGETHER, x += TOGETHER) { \
-            some(TOGETHER, x);                                        \
-        }                                                             \
-        for (; count > 0; count--, x++) {                             \
-            some(1, x);                                               \
-        }                                                             \
+#define OF_ALL(some)                                              \
+    for (; count >= TOGETHER; count -= TOGETHER, x += TOGETHER) { \
+        some(TOGETHER, x);                                        \
+    }                                                             \
+    for (; count > 0; count--, x++) {                             \
+        some(1, x);                                               \
     }
-OF_ALL(exponentials, exponentials_of)
-OF_ALL(logarithms, logarithms_of)
+
+void exponentials(size_t count, double *x) {
+    OF_ALL(exponentials_of)
+}
+
+void logarithms(size_t count, double *x) {
+    OF_ALL(logarithms_of)
+}
 
 double exponential(double x) {
     exponentials_of(1, &x);

@@ -48,7 +48,7 @@ typedef struct {
 
 /* --- values and state ----------------------------------------------------------------------------------------------- */
 
-/* Numbers of FMI 2.0 of outputs of the estimator: estimator/sample/outputs.h. */
+/* Numbers of FMI 2.0 of outputs of the estimator: estimator/sample/sample.h. */
 enum { HEALTH_OUTPUT = 20, CHI_SQUARE_OUTPUT = 21, ENVELOPE_OUTPUT = 26, N_REAL_LOADS = 10 };
 
 /* Values of the frames of a result, of the details and of the status, as result_frames.py lists them. */

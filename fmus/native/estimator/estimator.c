@@ -4,7 +4,7 @@
    (estimator_outputs) and stay until an input changes. The order of a sample:
 
        temperature and inertial sensors; matrices at once if one comes or goes      temperature/, renewal
-       zero offsets in use, rows of strain at the reference temperature             sample/readings, temperature/thermal
+       zero offsets in use, rows of strain at the reference temperature             sample/inputs, temperature/thermal
        loads, air data, conditions of the sample alone                              linear/ or policies/flight
        averages over the samples before                                             policies/filtered_outputs
        health, by these conditions, renewal, vibration and specific force           sample/outputs
@@ -21,10 +21,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-
-#include "linear/linear.h"
-#include "numerics/dense.h"
-#include "policies/filtered_outputs.h"
 
 /* Iterations of a step that does not search the tables; a search takes more. */
 #define SHORT_ITERATIONS 16
@@ -251,7 +247,7 @@ int estimator_contradicted_force(const Estimator *e) {
     return thermal_contradicted(&e->thermal, e->output + LOADS, e->output + LOADS_STD, limit);
 }
 
-/* Conditions of the sample alone, by its estimator, and of what surrounds it: bits of outputs.h. */
+/* Conditions of the sample alone, by its estimator, and of what surrounds it: bits of sample.h. */
 static int conditions_of(const Estimator *e, int renews) {
     return (e->flight.present ? e->flight.conditions : e->linear.conditions)
          | (estimator_contradicted_force(e) != 0 ? FORCE_CONTRADICTS : 0) | (renews ? RENEWAL_PENDING : 0)

@@ -6,11 +6,51 @@
 #ifndef ESTIMATOR_H
 #define ESTIMATOR_H
 
-#include "../core/model.h"
-#include "filter/filter.h"
-#include "policies/flight_outputs.h"
-#include "renewal.h"
-#include "zeros/tare.h"
+#include "policies/policies.h"
+#include "temperature/thermal.h"
+#include "zeros/zeros.h"
+
+/* The matrices of the map follow the standard deviations of zero offsets: in a step a part of those for other ones, at once
+   where nothing has a deadline. */
+
+typedef struct {
+    Linear *linear;
+    Flight *flight;
+    Thermal *thermal;
+    size_t n_strains;
+    double under_way; /* whether a step has been taken; these three float64, as they are serialised */
+    double parts;     /* of the matrices for `target` that are made, */
+    double waited;    /* and steps in a row that made none */
+    int made;         /* whether those are all: the next step uses the matrices */
+    double *held;     /* (number_of_zeros) in use in the last step; the map holds for their standard deviations */
+    double *target;   /* (number_of_zeros) those that matrices are made for */
+} Renewal;
+
+/* Hand out the arrays. */
+void renewal_arrays(size_t n_strains, Renewal *renewal, Room *room);
+
+/* No step has been taken. */
+void renewal_reset(Renewal *renewal);
+
+/* Let the map hold for zeros that are given (number_of_zeros), and, if they are others, for the known temperature sensors. */
+void renewal_at_once(Renewal *renewal, const double *given, int other_sensors);
+
+/* A step begins, of zeros that are given: the first one follows them at once, others use matrices that are made. Whether
+   the map has other matrices. */
+int renewal_begin_step(Renewal *renewal, const double *given);
+
+/* The estimate of the step is made; whether that took long. */
+void renewal_end_step(Renewal *renewal, const double *given, int long_step);
+
+/* Whether steps have yet to follow zeros that are given; and which are in use. */
+int renewal_pending(const Renewal *renewal, const double *given);
+const double *renewal_zeros(const Renewal *renewal, const double *given);
+
+/* The state in bytes; whether bytes may be read, with zeros up to the largest one. */
+size_t renewal_state_size(const Renewal *renewal);
+void renewal_write_state(const Renewal *renewal, unsigned char *bytes);
+int renewal_state_fits(const Renewal *renewal, double largest_zero, const unsigned char *bytes);
+void renewal_read_state(Renewal *renewal, const unsigned char *bytes);
 
 /* Number of outputs that are whole numbers: the health state, VALID_GAUGES to SUSPECTS, and the state of the tare. */
 #define N_WHOLE 5
@@ -54,7 +94,7 @@ static inline const double *latest_zeros(const Estimator *e) {
     return e->tare.present && e->tare.flags.has_zeros != 0.0 ? e->tare.zero : zeros_given(&e->inputs);
 }
 
-/* Those in use: renewal.h. */
+/* Those in use. */
 static inline const double *zeros_in_use(const Estimator *e) {
     return renewal_zeros(&e->renewal, latest_zeros(e));
 }
@@ -100,5 +140,15 @@ int estimator_set_input(Estimator *estimator, size_t input, double value, char t
 static inline size_t estimator_derivatives(const Estimator *e) {
     return N_OUTPUTS + N_FLIGHT_REALS + N_OTHER_VALUES * e->other_loads.map.n_loads;
 }
+
+/* Derivatives of loads, coefficients and air data: differences of fourth order of the estimates that the iterations end at.
+
+   The nonlinear estimator takes steps with the same inputs until they no longer move the flight state; with a filter it is
+   the one step, from what the steps before left. Searches and waiting for the tables are held as they are. */
+
+/* Derivatives of the estimate along a direction of the inputs (inputs_count), which is scratch: estimator_derivatives of
+   them; for loads, coefficients and air data they are good, NaN where the output is. The estimator is left as it was. 1; 0,
+   after a message, where it has none. */
+int estimator_derivative(Estimator *estimator, double *direction, double *derivative, char text[MODEL_TEXT_SIZE]);
 
 #endif

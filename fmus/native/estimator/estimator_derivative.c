@@ -13,7 +13,7 @@
    is one step from the samples before. A roll angle is differenced around the circle. The estimator is left as it
    was, to the bit. docs/developers/native.md, "States, derivatives, messages". */
 
-#include "estimator_derivative.h"
+#include "estimator.h"
 
 #include <math.h>
 #include <stdio.h>

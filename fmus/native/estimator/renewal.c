@@ -16,12 +16,10 @@
    matrices are wrong. The state of an instance holds the number of parts: reading it makes them again.
    docs/reference/step_time.md, "Matrices for other zero offsets". */
 
-#include "renewal.h"
+#include "estimator.h"
 
 #include <math.h>
 #include <string.h>
-
-#include "linear/linear.h"
 
 #define WORK 250000       /* multiplications of a part */
 #define MOST_WAITED 4.0   /* steps in a row without a part */

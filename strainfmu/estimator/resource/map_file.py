@@ -3,7 +3,7 @@
 Little endian. A header of 32 bytes, as every resource of a native FMU has it: magic, format version, byte order
 mark, length of the file, CRC-32 of all that follows, a zero. Then the number of arrays and 12 zeros. Then an entry
 of 80 bytes for each array, by ascending names: name, kind, rank, four lengths, position. Then the arrays, row by
-row, each from a multiple of 16 bytes on. ``fmus/native/estimator/map/container.h`` reads it.
+row, each from a multiple of 16 bytes on. ``fmus/native/estimator/map/map.h`` reads it.
 
 A name is PART.VALUE. Values that are fields of a map have their place in its schema; :data:`DERIVED` lists what
 follows from them, :data:`PARTS` the parts that not every map has. A bound that a map does not state is the largest

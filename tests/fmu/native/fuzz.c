@@ -20,9 +20,7 @@
 #include "core/resource.h"
 #include "core/state.h"
 #include "estimator/estimator.h"
-#include "estimator/estimator_derivative.h"
 #include "estimator/interface/strainload.h"
-#include "estimator/update/scaled_form.h"
 
 #define MOST_GAUGES 64
 #define CHECKED_FROM 32 /* of a map; of a state 16 */

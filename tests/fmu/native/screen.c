@@ -12,8 +12,6 @@
 
 #include "core/resource.h"
 #include "estimator/estimator.h"
-#include "estimator/numerics/wide.h"
-#include "estimator/update/scaled_form.h"
 
 #define MAX_GAUGES 64
 

@@ -5,7 +5,7 @@
 #ifndef FILTER_H
 #define FILTER_H
 
-#include "../sample/inputs.h"
+#include "../sample/sample.h"
 
 /* The channels: loads and coefficients as they are put out, the flight state of a map with tables, then loads and coefficients
    in addition to the five. */

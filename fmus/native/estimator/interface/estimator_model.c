@@ -10,9 +10,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "../estimator_derivative.h"
-#include "estimator_model.h"
-#include "estimator_variables.h"
+#include "interface.h"
 
 void model_destroy(Model *model) {
     if (model != NULL) {

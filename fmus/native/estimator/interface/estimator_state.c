@@ -11,9 +11,8 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "interface.h"
 #include "../../core/floating.h"
-#include "../policies/flight.h"
-#include "estimator_variables.h"
 
 enum { VALID_BIT = 1, GIVEN_BIT = 2 };
 

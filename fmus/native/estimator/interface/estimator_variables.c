@@ -12,7 +12,7 @@
    docs/developers/native.md, "Variables"; strainfmu/interface/estimator_variables.py lists the same for
    modelDescription.xml. */
 
-#include "estimator_variables.h"
+#include "interface.h"
 
 typedef struct {
     VariableKind kind;

@@ -7,12 +7,10 @@
    sample's with rows and columns times the factors of the filter's channels. Without strain variances alone are
    known. A step does not compute what only these functions need. docs/howto/run_without_fmi.md. */
 
-#include "fit.h"
+#include "interface.h"
 
 #include <math.h>
 #include <string.h>
-
-#include "../update/scaled_form.h"
 
 #define N_ENTRIES (N_LOADS * N_LOADS)
 

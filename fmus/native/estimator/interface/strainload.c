@@ -6,6 +6,7 @@
    environment and restores the host's (core/floating.h). A series is a loop over samples, each by itself (SL_EACH)
    or from what the one before it left (SL_TRACK). docs/howto/run_without_fmi.md; strainload.h states the functions. */
 
+#include "interface.h"
 #include "strainload.h"
 
 #include <math.h>
@@ -13,10 +14,6 @@
 #include <string.h>
 
 #include "../../core/floating.h"
-#include "../policies/flight.h"
-#include "estimator_model.h"
-#include "fit.h"
-#include "../zeros/tare.h"
 
 #define MAX_FIELDS 32
 #define N_RECORDS (SL_TARE + 1)

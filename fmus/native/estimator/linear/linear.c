@@ -23,8 +23,6 @@
 #include <math.h>
 #include <string.h>
 
-#include "../update/scaled_form.h"
-
 /* Arrays of every step come first: they are aligned as the block is. */
 void linear_arrays(Map *map, size_t n_strains, Linear *linear, Room *room) {
     linear->prepared.noise.wide = linear->prepared.work.wide = linear->wide;
@@ -143,7 +141,7 @@ static int outside_by_navigation(const Envelope *envelope, const Flow *flow) {
     return fabs(flow->pressure - expected) > allowed;
 }
 
-/* Bits of outputs.h. Without a dynamic pressure the other conditions mean nothing. */
+/* Bits of sample.h. Without a dynamic pressure the other conditions mean nothing. */
 static int conditions_of(const Linear *linear) {
     const double *output = linear->output;
     const Envelope *envelope = &linear->map->envelope;

@@ -1,9 +1,62 @@
-/* The linear estimator: outputs of a sample, and the conditions that its health follows from. */
+/* The linear estimator. */
 
 #ifndef LINEAR_H
 #define LINEAR_H
 
-#include "linear_outputs.h"
+#include "../update/update.h"
+
+/* Loads, coefficients, limits and suspects of a step of a linear map. */
+
+/* What is known of the flow in a step. */
+typedef struct {
+    int known;        /* whether the dynamic pressure gives coefficients */
+    double pressure;  /* [Pa] */
+    double deviation; /* of its error [Pa]; 0 where it is not known */
+    double mach_number, altitude; /* [1], [m]; NaN where not known */
+    double mach_deviation; /* stated, of the Mach number [1]; 0 for none */
+} Flow;
+
+/* What an estimator holds of the half-spaces. */
+typedef struct {
+    double *products; /* (n_half_spaces, 15) n_i n_j, doubled off the diagonal, in panels of numerics.h */
+    double *variance; /* (dense_rows(n_half_spaces)) scratch */
+} HalfSpaces;
+
+/* What the linear estimator holds: the map's matrices for the gauges in use, and the numbers of the last step. */
+typedef struct {
+    const Map *map;
+    const Inputs *inputs;
+    double *output;        /* (N_OUTPUTS) of the estimator */
+    OtherLoads *other_loads;      /* loads in addition to the five, of a map that has some */
+    int wide;              /* wide_of_processor() */
+    Flow flow;             /* of the inputs since output was computed */
+    int conditions;        /* of the sample, bits of sample.h */
+    Prepared prepared;
+    HalfSpaces half_spaces;
+    Scaled scaled;
+} Linear;
+
+/* Hand out the arrays, filled in. */
+void half_space_arrays(const Envelope *envelope, HalfSpaces *spaces, Room *room);
+
+/* Condition the loads on the strains, and set all outputs but the number of gauges and the health, where the gauges in use
+   identify the state; of form "dynamic_pressure" where q_inf is known. */
+void linear_outputs(Linear *linear);
+
+/* Set linear->other_loads->value for the last step. */
+void linear_other_loads_update(Linear *linear);
+
+/* Variances by gauge noise (n_gauges) and a part of the variance of q_inf: of the outputs of loads (5), of coefficients (5).
+   scratch takes (5, linear_noise_row). */
+size_t linear_noise_row(const Map *map);
+void linear_noise(const Linear *linear, const double *gauge_noise, double of_pressure, double *scratch, double *of_loads,
+                  double *of_coefficients);
+
+/* The same of loads and coefficients (n_loads) in addition to the five, whose outputs are set. */
+void linear_other_noise(const Linear *linear, const double *gauge_noise, double of_pressure, double *scratch,
+                        double *of_loads, double *of_coefficients);
+
+/* The linear estimator: outputs of a sample, and the conditions that its health follows from. */
 
 /* Hand out the arrays; map, other_loads and wide are set. */
 void linear_arrays(Map *map, size_t n_strains, Linear *linear, Room *room);

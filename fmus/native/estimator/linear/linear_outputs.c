@@ -11,14 +11,10 @@
    scale cov f scale' + the same error of q. docs/explanation/theory.md, "What a sigma is made of";
    strainfmu/estimator/reference/linear.py. */
 
-#include "linear_outputs.h"
+#include "linear.h"
 
 #include <math.h>
 #include <string.h>
-
-#include "../numerics/dense.h"
-#include "../numerics/wide.h"
-#include "../update/scaled_form.h"
 
 /* The gauge that does not fit the others: the largest leave-one-out residual z_i = (P r)_i / sqrt(P_ii).
 

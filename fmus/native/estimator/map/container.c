@@ -13,7 +13,7 @@
    arrays that nobody has read, which have a wrong name. docs/developers/native.md, "The map file";
    strainfmu/estimator/resource/map_file.py writes it. */
 
-#include "container.h"
+#include "map.h"
 
 #include <math.h>
 #include <stdarg.h>

@@ -1,7 +1,7 @@
 /* The arrays of map.bin, one a line: kind, member of the structure T of its group, name, what its values must be,
    rank, smallest and largest number, symbol that a length binds, shape or bounds of a length; meaning.
 
-   Written by python -m strainfmu.fmu.native.map_layout, of the schema of a map: do not edit. container.h
+   Written by python -m strainfmu.fmu.native.map_layout, of the schema of a map: do not edit. map.h
    makes members of structures and rows of tables of it; map_read reads, checks and refuses by these. */
 
 #ifndef MAP_LAYOUT_H

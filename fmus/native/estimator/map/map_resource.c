@@ -15,7 +15,7 @@
    docs/explanation/theory.md and docs/explanation/dynamic_pressure.md; strainfmu/estimator/resource/map_file.py
    writes the parts. */
 
-#include "map_resource.h"
+#include "map.h"
 
 #include <math.h>
 #include <stdio.h>

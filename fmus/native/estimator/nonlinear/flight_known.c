@@ -27,11 +27,9 @@
    rotations of each other no longer share one where a fin deflects. Their cells are sums of parts (flight_tables.c),
    made when a state needs them. */
 
-#include "flight_known.h"
+#include "nonlinear.h"
 
 #include <math.h>
-
-#include "../numerics/triangles.h"
 
 #define LARGEST_POWER 3
 

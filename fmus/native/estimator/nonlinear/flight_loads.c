@@ -22,13 +22,11 @@
    "Roles of the errors" and "Estimate"; concluded and flight_loads in strainfmu/estimator/reference/nonlinear.py.
    Source of considered errors: Schmidt, Advances in Control Systems 3 (1966) 293. */
 
-#include "flight_loads.h"
+#include "nonlinear.h"
 
 #include <math.h>
 
 #include "../../core/elementary.h"
-#include "../numerics/cholesky.h"
-#include "../numerics/triangles.h"
 
 /* (e^x - 1) / 3 for x = 3 s; by its series for small x, where the difference would cancel. */
 static double lognormal_deviation(double of_log) {

@@ -15,12 +15,11 @@
    docs/explanation/nonlinear_estimator.md, "Estimate" and "What comes out"; docs/howto/settings_and_health.md,
    "State where q_inf comes from"; strainfmu/estimator/reference/air.py. */
 
-#include "flight_sample.h"
+#include "nonlinear.h"
 
 #include <math.h>
 
 #include "../../core/elementary.h"
-#include "../numerics/cholesky.h"
 
 /* Smallest standard deviation of a value of navigation, relative. */
 #define MIN_RELATIVE_STD 1e-3

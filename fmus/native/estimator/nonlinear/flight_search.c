@@ -28,14 +28,12 @@
    number, no neighbour of which costs less (policies/ambiguity.c). docs/explanation/nonlinear_estimator.md,
    "Estimate" and "Lost gauges"; starts, grid and _joined in strainfmu/estimator/reference/nonlinear.py. */
 
-#include "flight_search.h"
+#include "nonlinear.h"
 
 #include <math.h>
 #include <string.h>
 
 #include "../../core/elementary.h"
-#include "../numerics/cholesky.h"
-#include "flight_solve.h"
 
 #define SMALLEST_PRESSURE 10.0 /* [Pa] of a start */
 #define LARGEST_PRESSURE 5e5

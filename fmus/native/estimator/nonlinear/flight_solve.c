@@ -31,14 +31,11 @@
    docs/explanation/nonlinear_estimator.md, "Roles of the errors", "Estimate" and "What comes out";
    strainfmu/estimator/reference/nonlinear.py iterates until it converges. */
 
-#include "flight_solve.h"
+#include "nonlinear.h"
 
 #include <math.h>
 
 #include "../../core/elementary.h"
-#include "../numerics/cholesky.h"
-#include "../numerics/triangles.h"
-#include "flight_loads.h"
 
 #define MIN_MACH 0.1       /* below which ln M goes on as a constant */
 #define SMALLEST_PART 0.25 /* of a step that is taken */

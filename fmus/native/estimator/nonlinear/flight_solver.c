@@ -10,7 +10,7 @@
    the same sum as of the linear map (update/added_noise.c). The weights of the search follow it.
    docs/explanation/nonlinear_estimator.md, "Model discrepancy". */
 
-#include "flight_solver.h"
+#include "nonlinear.h"
 
 /* A (n_gauges, n_gauges) matrix in one of order n, with zeros beyond. */
 static void widen(size_t n_gauges, size_t n, const double *source, double *matrix) {

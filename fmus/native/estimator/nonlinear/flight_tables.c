@@ -20,7 +20,7 @@
    first needs them: flight_known.c. docs/explanation/nonlinear_estimator.md, "Model";
    strainfmu/estimator/map/flight_tables.py. */
 
-#include "flight_tables.h"
+#include "nonlinear.h"
 
 #include <math.h>
 

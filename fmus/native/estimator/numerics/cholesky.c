@@ -17,12 +17,10 @@
    report. Small matrices, of at most five rows, are inverted by plain loops: A^-1 = L'^-1 L^-1.
    docs/developers/native.md, "Conventions" and "Cost". */
 
-#include "cholesky.h"
+#include "numerics.h"
 
 #include <math.h>
 #include <string.h>
-
-#include "wide.h"
 
 /* Blocks of a product of matrices by rows, whose sums stay in registers. Every sum runs over its terms in order.
 

@@ -6,9 +6,7 @@
    as (0 + 1) + (2 + 3), so that an addition need not wait for the last one and every instruction set gives the same
    bits. Rows and columns beyond the matrix are zeros. docs/developers/native.md, "Cost". */
 
-#include "dense.h"
-
-#include "wide.h"
+#include "numerics.h"
 
 void dense_panels(size_t rows, size_t columns, const double *source, size_t row_stride, size_t column_stride,
                   double *panels) {
@@ -80,7 +78,7 @@ void narrow_times(int wide, size_t rows, size_t columns, const float *panels, co
 /* Which instruction sets the processor and the operating system have: 0 for SSE2 or none of x86, 1 for AVX2, 2 for
    AVX-512.
 
-   The answer chooses between compiled variants of the same sums (wide.h): no result depends on it.
+   The answer chooses between compiled variants of the same sums (numerics.h): no result depends on it.
    docs/developers/native.md, "Cost". */
 
 #if HAS_AVX2

@@ -1,7 +1,7 @@
 /* Blocks of zeros at multiples of MEMORY_ALIGNMENT. A block of the heap is preceded by the address of the block before
    it, so that all are freed by one walk; pieces of a buffer follow one another. Nothing but opening a map takes any. */
 
-#include "memory.h"
+#include "numerics.h"
 
 #include <stdint.h>
 #include <stdlib.h>

@@ -13,7 +13,7 @@
    (update/prepared.c) are all such decompositions. Columns are taken in pairs, which share the loads of v; each
    sum has the order of dot. docs/explanation/theory.md, "Missing and suspect gauges". */
 
-#include "triangles.h"
+#include "numerics.h"
 
 #include <math.h>
 #include <stdint.h>

@@ -20,15 +20,10 @@
    matrices. The factors of a search hold for the steps after it. docs/explanation/nonlinear_estimator.md, "Without
    q_inf and p_inf". */
 
-#include "ambiguity.h"
+#include "policies.h"
 
 #include <math.h>
 #include <string.h>
-
-#include "../nonlinear/flight_loads.h"
-#include "../nonlinear/flight_search.h"
-#include "../nonlinear/flight_solve.h"
-#include "../numerics/cholesky.h"
 
 /* Limits in chi-square and in standard deviations: docs/explanation/nonlinear_estimator.md. */
 #define KNOWN_PRECISION 100.0

@@ -12,13 +12,9 @@
    not averaged; without any strain a map with tables coasts. docs/explanation/filter.md, "Model" and "What
    does not fit". */
 
-#include "filtered_outputs.h"
+#include "policies.h"
 
 #include <math.h>
-
-#include "../nonlinear/flight_solve.h"
-#include "../numerics/cholesky.h"
-#include "flight.h"
 
 /* Steps without any strain: the last filtered estimate stays, and its standard deviations grow with the time since
    then.

@@ -7,15 +7,10 @@
    a step makes next the base (flight_take_next). The most iterations of a step follow from the numbers in the map:
    docs/reference/step_time.md, "Iterations". docs/explanation/nonlinear_estimator.md, "What comes out". */
 
-#include "flight.h"
+#include "policies.h"
 
 #include <math.h>
 #include <stdlib.h>
-
-#include "../linear/linear.h"
-#include "../nonlinear/flight_search.h"
-#include "../nonlinear/flight_solve.h"
-#include "ambiguity.h"
 
 /* Loads of the linear map where the tables' loads do not count.
 

@@ -12,11 +12,9 @@
 
    docs/explanation/nonlinear_estimator.md, "What comes out". */
 
-#include "flight_outputs.h"
+#include "policies.h"
 
 #include <math.h>
-
-#include "../numerics/cholesky.h"
 
 /* Air data that fit neither strain nor each other: which one is dropped, and which are doubted.
 
@@ -212,7 +210,7 @@ static size_t worst_gauge(const Flight *flight, double *size) {
     return worst;
 }
 
-/* Bits of outputs.h, from the outputs of the tests. */
+/* Bits of sample.h, from the outputs of the tests. */
 static int conditions_of(const Flight *flight, size_t used) {
     const double *output = flight->output;
     const int outside = output[ENVELOPE_SCORE] > flight->map.outside_score || navigation_outside(flight)

@@ -9,7 +9,7 @@
    makes no sense; settings and zero offsets have bounds, since nothing else would notice a wrong one.
    docs/developers/native.md, "Variables" and "Gauges, zero offsets, temperatures". */
 
-#include "inputs.h"
+#include "sample.h"
 
 #include <stdio.h>
 #include <string.h>

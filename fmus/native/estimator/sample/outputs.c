@@ -1,6 +1,6 @@
 /* Health of a sample: the state of the first condition that holds, from top to bottom of one table, CONDITIONS.
 
-   The linear and the nonlinear estimator, filter, renewal and inertia note what they know of a sample as bits (outputs.h); none of them chooses a state. The order says what explains a sample best:
+   The linear and the nonlinear estimator, filter, renewal and inertia note what they know of a sample as bits (sample.h); none of them chooses a state. The order says what explains a sample best:
 
        nothing can be computed    no gauge reads; the gauges in use do not identify the loads; no dynamic pressure
        FLOW_OUTSIDE               before INCONSISTENT: beyond its range a map is expected to fit badly. The nonlinear
@@ -13,7 +13,7 @@
    docs/explanation/envelope.md, "What is compared", has the conditions with their limits; a test compares the order of both
    and the names with HealthState in strainfmu/estimator/health.py. */
 
-#include "outputs.h"
+#include "sample.h"
 
 const char *const HEALTH_NAMES[] = {
     "OK", "INCONSISTENT", "NO_COEFFICIENTS", "INVALID", "DEGRADED", "UNIDENTIFIED", "SUSPECT", "OUTSIDE",

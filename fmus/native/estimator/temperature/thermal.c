@@ -18,7 +18,7 @@
    costs the product of `gain` (2 n, n_t), strain and rise of each gauge per rise of each sensor. No sensor known:
    the map's own matrices, in which the modes are noise, and no correction.
 
-   Inertia uses the same machine: its modes are amplitudes of channels of an inertial unit (sample/readings.c), the
+   Inertia uses the same machine: its modes are amplitudes of channels of an inertial unit (sample/inputs.c), the
    last sensors. The standard deviation of vibration modes is an input, in steps of sqrt 2 over its prior, so that
    matrices stay while it changes little. docs/explanation/temperature.md, "The model";
    strainfmu/estimator/map/sensors.py; amplitudes and rows_of in strainfmu/estimator/reference/readings.py. */
@@ -27,10 +27,6 @@
 
 #include <math.h>
 #include <stdlib.h>
-
-#include "../numerics/dense.h"
-#include "../numerics/triangles.h"
-#include "../numerics/wide.h"
 
 #define ROOT_2 0x1.6a09e667f3bcdp+0
 #define LEAST_VIBRATION 0.0625 /* over prior_std; less counts as none */

@@ -4,7 +4,7 @@
 #ifndef THERMAL_H
 #define THERMAL_H
 
-#include "../map/container.h"
+#include "../map/map.h"
 
 /* Modes of n_gauges gauges; arrays point into the bytes of the file. */
 typedef struct {

@@ -22,12 +22,10 @@
    Parts take about WORK multiplications of renewal.c each, so that a step has a bounded time. The map keeps its
    matrices until the last part is done: `set` has room for two. */
 
-#include "added_noise.h"
+#include "update.h"
 
 #include <math.h>
 #include <string.h>
-
-#include "../numerics/triangles.h"
 
 /* The directions of a map that serve every dynamic pressure (eq:scaled-decomposition), for the errors that its
    gauges have now.
@@ -54,7 +52,7 @@
    any dynamic pressure"; prepare in strainfmu/estimator/reference/update.py. */
 
 /* Scratch: [L^-1 A, L^-1 N, L^-1] by columns; the rows [K, Q_2' L^-1] below the free states; two triangles of a root
-   that is not kept; loads of five rows; scratch of triangles.h. */
+   that is not kept; loads of five rows; scratch of orthogonal_rows. */
 static size_t pressure_directions_doubles(const Map *map) {
     const size_t n = map->n_gauges;
     return n * (map->form.n_free + 2 * n) + 2 * n * n + n * (n + 1) + 2 * N_LOADS * n + orthogonal_rows_doubles(n, 2 * n);
@@ -174,7 +172,7 @@ static void set_unseen(const AddedNoise *noise, const LoadRows *five, const Load
     }
 }
 
-/* Parts of the scratch `large`: triangles.h has what is left of it. */
+/* Parts of the scratch `large`: orthogonal_rows has what is left of it. */
 typedef struct {
     double *whole, *rows, *root, *inverse, *of_free, *of_spread, *scratch;
 } Parts;

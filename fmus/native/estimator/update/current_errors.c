@@ -28,14 +28,10 @@
    docs/explanation/sigma.md, "Errors in proportion to strain", derives eq:proportional; excess_covariance in
    strainfmu/estimator/reference/linear.py is D in numpy. */
 
-#include "current_errors.h"
+#include "update.h"
 
 #include <math.h>
 #include <string.h>
-
-#include "../numerics/dense.h"
-#include "../numerics/triangles.h"
-#include "../sample/outputs.h"
 
 #define FIVE_VALUES 16 /* of a product: the 15 entries of a covariance row by row, and the trace; other variances follow */
 #define TRACE 15

@@ -29,13 +29,10 @@
    R' R. strainfmu/estimator/reference/update.py decomposes the model for the gauges in use instead; the tests
    compare the two. */
 
-#include "lost_rows.h"
+#include "update.h"
 
 #include <math.h>
 #include <string.h>
-
-#include "../numerics/dense.h"
-#include "../numerics/triangles.h"
 
 void lost_rows_arrays(size_t n, LostRows *rows, Room *room) {
     rows->root = taken(room, dense_rows(n));

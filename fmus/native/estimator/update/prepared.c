@@ -11,12 +11,10 @@
    docs/explanation/theory.md, "Missing and suspect gauges"; docs/reference/step_time.md, "Matrices for other zero
    offsets". */
 
-#include "prepared.h"
+#include "update.h"
 
 #include <math.h>
 #include <string.h>
-
-#include "../numerics/triangles.h"
 
 /* What a step needs of a map for the gauges in use, once per set: whether they identify the state, thresholds, and
    which gauges cannot be distinguished.

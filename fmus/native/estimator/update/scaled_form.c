@@ -23,15 +23,10 @@
    docs/explanation/dynamic_pressure.md, "Weights at any dynamic pressure", derives the equations;
    strainfmu/estimator/reference/linear.py has them in numpy. */
 
-#include "scaled_form.h"
+#include "update.h"
 
 #include <math.h>
 #include <string.h>
-
-#include "../numerics/dense.h"
-#include "../numerics/triangles.h"
-#include "../numerics/wide.h"
-#include "current_errors.h"
 
 /* Whether the gain has another prior of the states than the truth: gamma other than 1, possible in form "absolute"
    alone. */

@@ -8,7 +8,7 @@
    gauges are not known then. New zero offsets go into use with their standard deviations, for which matrices are
    renewed (renewal.c). docs/howto/tare.md, "In an FMU" and "When it is refused". */
 
-#include "tare.h"
+#include "zeros.h"
 
 #include <math.h>
 #include <stdio.h>

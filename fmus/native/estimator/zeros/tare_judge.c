@@ -22,12 +22,10 @@
    orthonormal over the gauges that read, the sum of squares along them may exceed the rest by load_odds at most.
    docs/howto/tare.md, "What the uncertainty includes" and "When it is refused". */
 
-#include "tare_judge.h"
+#include "zeros.h"
 
 #include <math.h>
 #include <string.h>
-
-#include "../numerics/triangles.h"
 
 /* Readings of a window in few numbers: sums over stretches of equal length, so that a window of any length takes the
    same memory.
