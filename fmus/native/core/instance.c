@@ -352,8 +352,7 @@ static int have_index(const Instance *instance, const References *of, size_t (*i
 
 static int are_derivable(Instance *instance, const char *function, const References *unknowns, const References *knowns,
                          const double *of_unknowns, const double *of_knowns) {
-    const Derivatives *derivatives = MODEL.derivatives;
-    if (instance == NULL || derivatives == NULL) {
+    if (instance == NULL || MODEL.input_index == NULL) {
         instance_not_offered(instance, function);
         return 0;
     }
@@ -362,7 +361,7 @@ static int are_derivable(Instance *instance, const char *function, const Referen
         || !instance_lists(instance, function, knowns->count, knowns->reference, of_knowns)) {
         return 0;
     }
-    if (!have_index(instance, unknowns, derivatives->output_index) || !have_index(instance, knowns, derivatives->input_index)) {
+    if (!have_index(instance, unknowns, MODEL.output_index) || !have_index(instance, knowns, MODEL.input_index)) {
         instance_error(instance, "%s: derivatives are those of values (loads, coefficients, air data) by real inputs and "
                        "parameters, as many values as these have elements", function);
         return 0;
@@ -372,26 +371,25 @@ static int are_derivable(Instance *instance, const char *function, const Referen
 
 static int directional_derivative(Instance *instance, const char *function, const References *unknowns,
                                   const References *knowns, const double *seed, double *sensitivity) {
-    const Derivatives *derivatives = MODEL.derivatives;
     if (!are_derivable(instance, function, unknowns, knowns, sensitivity, seed)) {
         return STATUS_ERROR;
     }
-    double *direction = derivatives->clear_direction(instance->model);
+    double *direction = MODEL.clear_direction(instance->model);
     for (size_t i = 0; i < knowns->count; i++) {
         const Selection array = knowns->variables(instance, knowns->reference[i]);
         for (size_t k = 0; k < array.count; k++) {
-            direction[derivatives->input_index(instance->model, array.first + k)] += *seed++;
+            direction[MODEL.input_index(instance->model, array.first + k)] += *seed++;
         }
     }
     char text[MODEL_TEXT_SIZE];
-    const double *derivative = derivatives->along_direction(instance->model, text);
+    const double *derivative = MODEL.along_direction(instance->model, text);
     if (derivative == NULL) {
         return discard_derivative(instance, function, text);
     }
     for (size_t i = 0; i < unknowns->count; i++) {
         const Selection array = unknowns->variables(instance, unknowns->reference[i]);
         for (size_t k = 0; k < array.count; k++) {
-            *sensitivity++ = derivative[derivatives->output_index(instance->model, array.first + k)];
+            *sensitivity++ = derivative[MODEL.output_index(instance->model, array.first + k)];
         }
     }
     return STATUS_OK;
@@ -404,7 +402,7 @@ static double weighted(const Instance *instance, const References *unknowns, con
     for (size_t i = 0; i < unknowns->count; i++) {
         const Selection array = unknowns->variables(instance, unknowns->reference[i]);
         for (size_t k = 0; k < array.count; k++, seed++) {
-            const size_t index = MODEL.derivatives->output_index(instance->model, array.first + k);
+            const size_t index = MODEL.output_index(instance->model, array.first + k);
             sum += *seed != 0.0 ? *seed * derivative[index] : 0.0;
         }
     }
@@ -414,7 +412,6 @@ static double weighted(const Instance *instance, const References *unknowns, con
 /* One directional derivative for each element of the knowns. */
 static int adjoint_derivative(Instance *instance, const char *function, const References *unknowns,
                               const References *knowns, const double *seed, double *sensitivity) {
-    const Derivatives *derivatives = MODEL.derivatives;
     if (!are_derivable(instance, function, unknowns, knowns, seed, sensitivity)) {
         return STATUS_ERROR;
     }
@@ -422,8 +419,8 @@ static int adjoint_derivative(Instance *instance, const char *function, const Re
         const Selection array = knowns->variables(instance, knowns->reference[i]);
         for (size_t k = 0; k < array.count; k++) {
             char text[MODEL_TEXT_SIZE];
-            derivatives->clear_direction(instance->model)[derivatives->input_index(instance->model, array.first + k)] = 1.0;
-            const double *derivative = derivatives->along_direction(instance->model, text);
+            MODEL.clear_direction(instance->model)[MODEL.input_index(instance->model, array.first + k)] = 1.0;
+            const double *derivative = MODEL.along_direction(instance->model, text);
             if (derivative == NULL) {
                 return discard_derivative(instance, function, text);
             }

@@ -34,23 +34,17 @@ int model_step(Model *model, double start, double end, char text[MODEL_TEXT_SIZE
     COMPUTE_AS(int, MODEL.step(model, start, end, text));
 }
 
-void model_follow_event(Model *model) {
-    if (MODEL.follow_event != NULL) {
-        COMPUTE(MODEL.follow_event(model));
+/* One that nothing happens without. */
+#define OPTIONAL(name)                    \
+    void model_##name(Model *model) {     \
+        if (MODEL.name != NULL) {         \
+            COMPUTE(MODEL.name(model));   \
+        }                                 \
     }
-}
 
-void model_accept_step(Model *model) {
-    if (MODEL.accept_step != NULL) {
-        COMPUTE(MODEL.accept_step(model));
-    }
-}
-
-void model_settle(Model *model) {
-    if (MODEL.settle != NULL) {
-        COMPUTE(MODEL.settle(model));
-    }
-}
+OPTIONAL(follow_event)
+OPTIONAL(accept_step)
+OPTIONAL(settle)
 
 int model_unsettled(Model *model) {
     if (MODEL.unsettled == NULL) {

@@ -57,25 +57,12 @@ static inline size_t selected(const Selection *selection, size_t k) {
     return selection->listed != NULL ? selection->listed[k] : selection->first + k;
 }
 
-/* Partial derivatives of some real outputs, values, by real inputs and parameters. */
-typedef struct {
-    /* Index of a variable among the inputs, or among the outputs; SIZE_MAX for any other variable. */
-    size_t (*input_index)(const Model *model, size_t variable);
-    size_t (*output_index)(const Model *model, size_t variable);
-    /* The direction to derive along, by input index, set to zero; it belongs to the model. */
-    double *(*clear_direction)(Model *model);
-    /* Derivatives along the direction, by output index; NaN where the output is. NULL, after a message, where the
-       model has none in its present state. */
-    const double *(*along_direction)(Model *model, char text[MODEL_TEXT_SIZE]);
-} Derivatives;
-
 /* What a library implements. Functions that compute have their place here; those below call them. */
 typedef struct {
     const char *resource;           /* name of its file in resources/ */
     const char *content;            /* what messages call the content of that file */
     const char *foreign_state;      /* what a message reports of the state of another resource */
     int model_exchange;             /* whether it serves model exchange, without continuous states and indicators */
-    const Derivatives *derivatives; /* NULL for none */
     Model *(*create)(unsigned char *bytes, size_t length, char text[MODEL_TEXT_SIZE]);
     void (*reset)(Model *model);
     void (*end_initialization)(Model *model);
@@ -87,12 +74,21 @@ typedef struct {
     int (*event)(Model *model, char text[MODEL_TEXT_SIZE]);
     int (*get)(Model *model, Type type, const Selection *which, void *value, char text[MODEL_TEXT_SIZE]);
     int (*set)(Model *model, Type type, const Selection *which, const void *value, char text[MODEL_TEXT_SIZE]);
+    /* Partial derivatives of some real outputs, values, by real inputs and parameters: all four NULL for none. The index of a
+       variable among the inputs, or among the outputs; SIZE_MAX for any other variable. */
+    size_t (*input_index)(const Model *model, size_t variable);
+    size_t (*output_index)(const Model *model, size_t variable);
+    /* The direction to derive along, by input index, set to zero; it belongs to the model. */
+    double *(*clear_direction)(Model *model);
+    /* Derivatives along the direction, by output index; NaN where the output is. NULL, after a message, where the
+       model has none in its present state. */
+    const double *(*along_direction)(Model *model, char text[MODEL_TEXT_SIZE]);
 } ModelFacts;
 
 extern const ModelFacts MODEL;
 
 /* Functions that compute do so in the default floating-point environment, whatever the host's is (floating.h); who
-   calls the functions of Derivatives takes it for them. */
+   calls the functions of derivatives takes it for them. */
 
 /* Make a model of the bytes of its resource [length], and own them: they are freed here if that fails. NULL, after a
    message. */

@@ -94,11 +94,6 @@ static inline const double *latest_zeros(const Estimator *e) {
     return e->tare.present && e->tare.flags.has_zeros != 0.0 ? e->tare.zero : zeros_given(&e->inputs);
 }
 
-/* Those in use. */
-static inline const double *zeros_in_use(const Estimator *e) {
-    return renewal_zeros(&e->renewal, latest_zeros(e));
-}
-
 /* Whether the latest zeros are not yet in use. */
 static inline int estimator_renews(const Estimator *e) {
     return e->noise_outdated && renewal_pending(&e->renewal, latest_zeros(e));

@@ -60,7 +60,7 @@ static void use(Renewal *renewal) {
 static void make_at_once(Renewal *renewal, const double *zeros) {
     Prepared *prepared = &renewal->linear->prepared;
     prepared_renew(prepared, zeros + renewal->n_strains);
-    while (!prepared_part(prepared, SIZE_MAX)) {
+    while (!added_noise_part(&prepared->noise, SIZE_MAX)) {
     }
     use(renewal);
 }
@@ -92,7 +92,7 @@ static void make_part(Renewal *renewal) {
         prepared_renew(prepared, renewal->target + renewal->n_strains);
     }
     renewal->parts += 1.0;
-    renewal->made = prepared_part(prepared, WORK);
+    renewal->made = added_noise_part(&prepared->noise, WORK);
 }
 
 /* Before the estimate of a step: matrices that are made come into use. Whether the map has others now. */

@@ -198,7 +198,7 @@ static double value_of(Estimator *e, Variable variable) {
         return output[place];
     case INPUT:
         if (variable_type(e, variable) == ENUMERATION) {
-            const double stated = last_input(&e->inputs, Q_SOURCE); /* NaN for AUTO */
+            const double stated = known_of(&e->inputs, LAST_RUN, Q_SOURCE); /* NaN for AUTO */
             return stated <= (double)MACH_AND_ALTITUDE ? stated : (double)AUTO;
         }
         return e->inputs.value[place];
@@ -207,7 +207,7 @@ static double value_of(Estimator *e, Variable variable) {
     case FLIGHT_FLAG: return e->flight.flag[place];
     case TARE_INPUT: return e->tare.up;
     case TARE_STATE: return whole_value(e, TARE_WHOLE);
-    case ZERO_IN_USE: return zeros_in_use(e)[place];
+    case ZERO_IN_USE: return renewal_zeros(&e->renewal, latest_zeros(e))[place];
     case SCORE: return known_parameter_score(&e->inputs, place);
     case USABLE: return is_usable(whole_value(e, 0));
     default: return other_loads_of(e)[place];
@@ -315,19 +315,15 @@ static const double *along_direction(Model *model, char text[MODEL_TEXT_SIZE]) {
     return estimator_derivative(e, e->direction, e->derivative, text) ? e->derivative : NULL;
 }
 
-static const Derivatives DERIVATIVES = {
-    .input_index = input_index,
-    .output_index = output_index,
-    .clear_direction = clear_direction,
-    .along_direction = along_direction,
-};
-
 const ModelFacts MODEL = {
     .resource = "map.bin",
     .content = "map",
     .foreign_state = "is that of an FMU with another map",
     .model_exchange = 1,
-    .derivatives = &DERIVATIVES,
+    .input_index = input_index,
+    .output_index = output_index,
+    .clear_direction = clear_direction,
+    .along_direction = along_direction,
     .create = create,
     .reset = reset,
     .end_initialization = end_initialization,

@@ -58,7 +58,7 @@ static double pressure_deviation(const Linear *linear, double pressure) {
     const double given = known_input(inputs, DYNAMIC_PRESSURE_STD), stated_mach = known_input(inputs, MACH_NUMBER_STD);
     const double deviation = isnan(given) ? linear->map->dynamic_pressure_error * pressure : given;
     const double mach = known_input(inputs, MACH_NUMBER), known = isnan(mach) ? 1.0 : mach;
-    if (isnan(mach) && !(last_input(inputs, Q_SOURCE) > 0.5)) { /* without M nothing is computed */
+    if (isnan(mach) && !(known_of(inputs, LAST_RUN, Q_SOURCE) > 0.5)) { /* without M nothing is computed */
         return deviation;
     }
     const double mach_std = isnan(stated_mach) || isnan(mach) ? DAY_OF_MACH * known : stated_mach;

@@ -64,7 +64,7 @@ void linear_arrays(Map *map, size_t n_strains, Linear *linear, Room *room);
 /* Give the map its matrices. 0 if the covariance of its gauges is none. */
 int linear_begin(Linear *linear);
 
-/* After the last prepared_part: the map has other matrices, and what follows from them. */
+/* After the last added_noise_part: the map has other matrices, and what follows from them. */
 void linear_renewed(Linear *linear);
 
 /* Set all outputs but health for the present inputs, and linear->conditions. */

@@ -55,7 +55,7 @@ static double navigation_error(const FlightMap *map, const Inputs *inputs, size_
    ((gamma - 1) M) by the relative error e of T_0/T. NaN where an input is not known or T_0 is not above T. */
 static double mach_by_temperature(const Inputs *inputs, double *std) {
     const Envelope *envelope = &inputs->map->envelope;
-    const double total = later_input(inputs, TOTAL_TEMPERATURE), stated = later_input(inputs, TOTAL_TEMPERATURE_STD);
+    const double total = known_of(inputs, LATER_RUN, TOTAL_TEMPERATURE), stated = known_of(inputs, LATER_RUN, TOTAL_TEMPERATURE_STD);
     const double half = envelope->half_gamma - 0.5; /* T0 = T (1 + half M^2) */
     double pressure, temperature;
     if (isnan(total) || !atmosphere_at(&envelope->atmosphere, known_input(inputs, ALTITUDE), &pressure, &temperature)) {

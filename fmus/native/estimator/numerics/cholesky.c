@@ -160,38 +160,23 @@ PRODUCTS(AVX512, multiply_avx512, WIDE_COLUMNS)
 
 #define MAX_SMALL 5
 
-/* Rows of a column: x -= sum over LANES columns, `stride` apart, each times its factor. A block is read before it is
-   written, so that its lanes are computed at once. */
-EVERYWHERE void subtract_columns(size_t first, size_t n, const double *restrict columns, size_t stride,
-                                 const double *factor, double *restrict x) {
+/* Rows of vectors, n apart: x -= sum over LANES columns, `stride` apart, each times its factor. A block is read before it is
+   written, so that its lanes are computed at once. Two vectors at once take fewer loads; their number is a constant. */
+EVERYWHERE void subtract_columns(size_t vectors, size_t first, size_t n, const double *restrict columns, size_t stride,
+                                 double factor[][LANES], double *restrict x) {
     const double *restrict c0 = columns, *restrict c1 = c0 + stride, *restrict c2 = c1 + stride,
                            *restrict c3 = c2 + stride;
-    const double f0 = factor[0], f1 = factor[1], f2 = factor[2], f3 = factor[3];
     for (size_t i = first; i < n; i += LANES) {
-        double rest[LANES];
-        for (size_t r = 0; r < LANES; r++) {
-            rest[r] = x[i + r] - ((f0 * c0[i + r] + f1 * c1[i + r]) + (f2 * c2[i + r] + f3 * c3[i + r]));
+        double rest[2][LANES];
+        for (size_t v = 0; v < vectors; v++) {
+            const double *f = factor[v];
+            for (size_t r = 0; r < LANES; r++) {
+                rest[v][r] = x[v * n + i + r] - ((f[0] * c0[i + r] + f[1] * c1[i + r]) + (f[2] * c2[i + r] + f[3] * c3[i + r]));
+            }
         }
-        memcpy(x + i, rest, sizeof rest);
-    }
-}
-
-/* The same for two of them at once, which takes fewer loads: the same sums. */
-EVERYWHERE void subtract_columns_twice(size_t first, size_t n, const double *restrict columns, size_t stride,
-                                       const double *f, const double *g, double *restrict x, double *restrict y) {
-    const double *restrict c0 = columns, *restrict c1 = c0 + stride, *restrict c2 = c1 + stride,
-                           *restrict c3 = c2 + stride;
-    const double f0 = f[0], f1 = f[1], f2 = f[2], f3 = f[3], g0 = g[0], g1 = g[1], g2 = g[2], g3 = g[3];
-    for (size_t i = first; i < n; i += LANES) {
-        double of_x[LANES], of_y[LANES];
-        for (size_t r = 0; r < LANES; r++) {
-            of_x[r] = x[i + r] - ((f0 * c0[i + r] + f1 * c1[i + r]) + (f2 * c2[i + r] + f3 * c3[i + r]));
+        for (size_t v = 0; v < vectors; v++) {
+            memcpy(x + v * n + i, rest[v], sizeof rest[v]);
         }
-        for (size_t r = 0; r < LANES; r++) {
-            of_y[r] = y[i + r] - ((g0 * c0[i + r] + g1 * c1[i + r]) + (g2 * c2[i + r] + g3 * c3[i + r]));
-        }
-        memcpy(x + i, of_x, sizeof of_x);
-        memcpy(y + i, of_y, sizeof of_y);
     }
 }
 
@@ -246,17 +231,16 @@ EVERYWHERE void forward(size_t n, const double *restrict lower, size_t count, do
         for (size_t v = 0; v < count; v++) {
             solve_block(inverse, k, x + v * n);
         }
+        double factor[2][LANES];
         size_t v = 0;
         for (; v + 2 <= count; v += 2) {
-            double f[LANES], g[LANES], *first = x + v * n, *second = first + n;
-            memcpy(f, first + k, sizeof f);
-            memcpy(g, second + k, sizeof g);
-            subtract_columns_twice(k + LANES, n, lower + k * n, n, f, g, first, second);
+            memcpy(factor[0], x + v * n + k, sizeof factor[0]);
+            memcpy(factor[1], x + (v + 1) * n + k, sizeof factor[1]);
+            subtract_columns(2, k + LANES, n, lower + k * n, n, factor, x + v * n);
         }
         for (; v < count; v++) {
-            double factor[LANES];
-            memcpy(factor, x + v * n + k, sizeof factor);
-            subtract_columns(k + LANES, n, lower + k * n, n, factor, x + v * n);
+            memcpy(factor[0], x + v * n + k, sizeof factor[0]);
+            subtract_columns(1, k + LANES, n, lower + k * n, n, factor, x + v * n);
         }
     }
 }

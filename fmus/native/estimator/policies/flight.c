@@ -25,27 +25,15 @@ static inline double flight_waiting(const Flight *flight) {
     return flight->base.to_return > 1.0 ? flight->base.to_return - 1.0 : 0.0;
 }
 
-/* Loads of the linear map instead of the tables' loads, where it has some. */
-static void fall_back(Flight *flight) {
-    const double pressure = flight->navigation.of_loads[0], deviation = flight->navigation.of_loads[1];
-    if (isfinite(pressure) && linear_loads_at(flight->linear, pressure, deviation)) {
-        flight->flag[LINEAR_LOADS] = 1;
-    }
-}
-
-/* Whether gauges are lost and fewer are in use than the flight state has quantities: solutions of the tables' problem are too
-   many then, and too close together, to find them all. */
-static int too_few(const Flight *flight, size_t used) {
-    return used < N_STATES && used < flight->solver.n_gauges;
-}
-
 /* Loads of the linear map instead of the tables' loads, where it has some, and where these do not fit or have not for
    long enough, or where fewer gauges are left than the flight state has quantities; UNIDENTIFIED where it has none
    then. */
 static void flight_fall_back(Flight *flight, size_t used, int fits, double to_return) {
-    const int few = too_few(flight, used);
-    if (!fits || to_return > 0.0 || few) {
-        fall_back(flight);
+    const double pressure = flight->navigation.of_loads[0], deviation = flight->navigation.of_loads[1];
+    /* Solutions of the tables' problem are too many then, and too close together, to find them all. */
+    const int few = used < N_STATES && used < flight->solver.n_gauges, instead = !fits || to_return > 0.0 || few;
+    if (instead && isfinite(pressure) && linear_loads_at(flight->linear, pressure, deviation)) {
+        flight->flag[LINEAR_LOADS] = 1;
     }
     if (few && !flight->flag[LINEAR_LOADS]) {
         flight_set_nothing_known(flight, NOT_IDENTIFIED);

@@ -168,15 +168,15 @@ int inputs_accept(const Inputs *in, size_t index, double value, char text[MODEL_
    scale. Thermal strain is subtracted afterwards (temperature/thermal.c). docs/developers/native.md, "Gauges, zero
    offsets, temperatures". */
 
-/* What a other sensor, by its number behind the strain gauges, reads without thrust. */
+/* What another sensor, by its number behind the strain gauges, reads [unit], less what thrust [N] makes of it. */
 static double sensor_reading(const Inputs *in, size_t which) {
     const size_t place = single_input(in, THRUST_RUN);
-    const double thrust = place == SIZE_MAX ? 0.0 : in->value[place];
+    const double thrust = place == SIZE_MAX ? 0.0 : in->value[place], response = in->sensors->thrust_response[which];
     const double reading = in->value[in->sensors->n_strains + which];
-    return without_thrust(in->sensors, which, reading, thrust == in->map->not_known ? NAN : thrust);
+    return response == 0.0 ? reading : reading - (thrust == in->map->not_known ? NAN : thrust) * response;
 }
 
-/* Whether what a other sensor reads is a number within its range. */
+/* Whether what another sensor reads is a number within its range. */
 static int sensor_works(const Inputs *in, size_t which) {
     return fabs(sensor_reading(in, which)) <= in->sensors->largest[which];
 }
@@ -306,12 +306,12 @@ double computed_pressure_error(double mach, double mach_std, double pressure_std
 }
 
 double computed_pressure_std(const Inputs *inputs, double stated, double own) {
-    const int is_decided = last_input(inputs, Q_SOURCE) > 0.5;
+    const int is_decided = known_of(inputs, LAST_RUN, Q_SOURCE) > 0.5;
     return isnan(stated) || (!is_decided && stated < own) ? own : stated;
 }
 
 PressureSource pressure_source(const Inputs *inputs) {
-    const double stated = last_input(inputs, Q_SOURCE);
+    const double stated = known_of(inputs, LAST_RUN, Q_SOURCE);
     if (stated > 0.5 && stated < (double)MACH_AND_ALTITUDE + 0.5) {
         return (PressureSource)(stated + 0.5);
     }
@@ -342,7 +342,7 @@ void measured_angles(const Inputs *inputs, MeasuredAngles *angles) {
         *angles = (MeasuredAngles){.count = 0};
         return;
     }
-    const double stated[2] = {last_input(inputs, MEASURED_ATTACK_STD), last_input(inputs, MEASURED_SIDESLIP_STD)};
+    const double stated[2] = {known_of(inputs, LAST_RUN, MEASURED_ATTACK_STD), known_of(inputs, LAST_RUN, MEASURED_SIDESLIP_STD)};
     const int known[2] = {fabs(attack) < LARGEST_ANGLE, fabs(sideslip) < LARGEST_ANGLE};
     angles->count = (size_t)known[0] + (size_t)known[1];
     angles->value[0] = angles->value[1] = 0.0;

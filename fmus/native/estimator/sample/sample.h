@@ -13,7 +13,7 @@
 /* Numbers and names of flow and navigation, the table of strainfmu/estimator/air_inputs.py. X is called with both. Those of
    later versions stand behind all others, among the inputs and among the variables, so that numbers of variables stay.
 
-   An input is not given where it is 0 or below, or NaN (known_input, later_input, last_input); an angle, and what an inertial
+   An input is not given where it is 0 or below, or NaN (known_of); an angle, and what an inertial
    unit measures, where it is the map's not_known, or NaN (given_angle). In FMUs an angle counts only where its standard
    deviation is given, since hosts fill in 0 for inputs that nothing is connected to (measured_angle).
 
@@ -70,12 +70,6 @@ typedef struct {
 
 /* Read the part of a map of n_gauges rows, if there is one. 1; 0 after a message. */
 int sensor_rows_parse(MapFile *file, size_t n_gauges, SensorRows *rows);
-
-/* What a sensor reads [unit], less what thrust [N] makes of it. */
-static inline double without_thrust(const SensorRows *rows, size_t which, double reading, double thrust) {
-    const double response = rows->thrust_response[which];
-    return response == 0.0 ? reading : reading - thrust * response;
-}
 
 /* Part "parameters" of map.bin: ranges of flow parameters. The score of a value is its distance from the range over
    the span, 0 inside, for NaN and for a value that is not known; a score above the tolerance puts health to OUTSIDE.
@@ -177,22 +171,15 @@ static inline double scalar_input(const Inputs *inputs, size_t scalar) {
     return inputs->value[inputs->map->n_gauges + scalar];
 }
 
-/* An input of flow or navigation; NaN where it is not given: 0, which hosts fill in, or below, or NaN. */
+/* An input of a run; NaN where it is not given: 0, which hosts fill in, or below, or NaN. */
+static inline double known_of(const Inputs *inputs, int run, size_t which) {
+    const double value = inputs->value[inputs->first[run] + which];
+    return value > 0.0 ? value : NAN;
+}
+
+/* The same of one of flow or navigation. */
 static inline double known_input(const Inputs *inputs, size_t scalar) {
-    const double value = scalar_input(inputs, scalar);
-    return value > 0.0 ? value : NAN;
-}
-
-/* The same of one of LATER_INPUTS. */
-static inline double later_input(const Inputs *inputs, size_t later) {
-    const double value = inputs->value[inputs->first[LATER_RUN] + later];
-    return value > 0.0 ? value : NAN;
-}
-
-/* The same of one of LAST_INPUTS that is no angle. */
-static inline double last_input(const Inputs *inputs, size_t last) {
-    const double value = inputs->value[inputs->first[LAST_RUN] + last];
-    return value > 0.0 ? value : NAN;
+    return known_of(inputs, SCALAR_RUN, scalar);
 }
 
 /* An angle among LAST_INPUTS [rad], with or without its standard deviation; NaN where it is not known. */
@@ -203,7 +190,7 @@ static inline double given_angle(const Inputs *inputs, size_t last) {
 
 /* The same where it counts as a measurement; its standard deviation is the input behind it. */
 static inline double measured_angle(const Inputs *inputs, size_t last) {
-    return inputs->angles_need_std && isnan(last_input(inputs, last + 1)) ? NAN : given_angle(inputs, last);
+    return inputs->angles_need_std && isnan(known_of(inputs, LAST_RUN, last + 1)) ? NAN : given_angle(inputs, last);
 }
 
 /* How much further aft the moment point is than the map's [m]. */

@@ -302,11 +302,6 @@ static int pressure_directions_take(AddedNoise *noise, size_t work) {
    a sum of squares, which loses no digits to cancellation: it joins R. docs/explanation/theory.md, "Case 2"
    (eq:svd-solution) and "What a sigma is made of"; strainfmu/estimator/reference/update.py, condition and joseph. */
 
-/* Scratch: X' and B, both (5, n_gauges). */
-static size_t fixed_loads_doubles(const Map *map) {
-    return 2 * N_LOADS * map->n_gauges;
-}
-
 /* X' (5, n_gauges). */
 static void set_cross(const AddedNoise *noise, double *cross) {
     const Map *file = &noise->file;
@@ -427,7 +422,7 @@ void added_noise_arrays(const Map *map, AddedNoise *noise, Room *room) {
     noise->large = taken(room, large_doubles(map));
     noise->head = taken(room, 2 * (map->n_states + n));
     noise->square = taken(room, n * n);
-    noise->rows = taken(room, fixed_loads_doubles(map));
+    noise->rows = taken(room, 2 * N_LOADS * n); /* X' and B */
 }
 
 /* Householder reflections of [I; L^-1 A], or of [0; L^-1 A] where no state has a prior, applied to [0; L^-1]. The

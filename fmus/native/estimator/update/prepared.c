@@ -256,10 +256,6 @@ void prepared_renew(Prepared *prepared, const double *std) {
     added_noise_begin(&prepared->noise);
 }
 
-int prepared_part(Prepared *prepared, size_t work) {
-    return added_noise_part(&prepared->noise, work);
-}
-
 void prepared_renewed(Prepared *prepared) {
     memcpy(prepared->noise_std, prepared->next_std, (prepared->n_strains + 1) * sizeof *prepared->noise_std);
     /* Sets of gauges were prepared for the old covariance. */

@@ -99,9 +99,8 @@ void prepared_follow(Prepared *prepared, const Inputs *inputs);
 /* Whether the map holds for standard deviations of the zeros, and the common one (n_strains + 1). */
 int prepared_holds(const Prepared *prepared, const double *std);
 
-/* Begin to make the matrices for other sigmas, and for noise.own and noise.whole; a part of it, as of added_noise_part. */
+/* Begin to make the matrices for other sigmas, and for noise.own and noise.whole, part by part: added_noise_part. */
 void prepared_renew(Prepared *prepared, const double *std);
-int prepared_part(Prepared *prepared, size_t work);
 
 /* After the last part: the map has them, and no set of gauges is prepared. */
 void prepared_renewed(Prepared *prepared);
