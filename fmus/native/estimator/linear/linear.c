@@ -25,13 +25,13 @@
 
 /* Arrays of every step come first: they are aligned as the block is. */
 void linear_arrays(Map *map, size_t n_strains, Linear *linear, Room *room) {
-    linear->prepared.noise.wide = linear->prepared.work.wide = linear->wide;
+    linear->prepared.noise.wide = linear->wide;
     linear->prepared.noise.other_loads = linear->other_loads->present ? linear->other_loads : NULL;
     linear->scaled.map = map;
     linear->scaled.other_loads = linear->prepared.noise.other_loads;
     linear->scaled.wide = linear->wide;
     scaled_arrays(&linear->scaled, room);
-    half_space_arrays(&map->envelope, &linear->half_spaces, room);
+    half_space_arrays(&map->envelope, linear, room);
     prepared_arrays(map, n_strains, &linear->prepared, room);
 }
 

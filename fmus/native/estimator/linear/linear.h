@@ -16,12 +16,6 @@ typedef struct {
     double mach_deviation; /* stated, of the Mach number [1]; 0 for none */
 } Flow;
 
-/* What an estimator holds of the half-spaces. */
-typedef struct {
-    double *products; /* (n_half_spaces, 15) n_i n_j, doubled off the diagonal, in panels of numerics.h */
-    double *variance; /* (dense_rows(n_half_spaces)) scratch */
-} HalfSpaces;
-
 /* What the linear estimator holds: the map's matrices for the gauges in use, and the numbers of the last step. */
 typedef struct {
     const Map *map;
@@ -32,12 +26,13 @@ typedef struct {
     Flow flow;             /* of the inputs since output was computed */
     int conditions;        /* of the sample, bits of sample.h */
     Prepared prepared;
-    HalfSpaces half_spaces;
+    double *products;      /* (n_half_spaces, 15) n_i n_j of each half-space, doubled off the diagonal, in panels of numerics.h */
+    double *variance;      /* (dense_rows(n_half_spaces)) scratch */
     Scaled scaled;
 } Linear;
 
 /* Hand out the arrays, filled in. */
-void half_space_arrays(const Envelope *envelope, HalfSpaces *spaces, Room *room);
+void half_space_arrays(const Envelope *envelope, Linear *linear, Room *room);
 
 /* Condition the loads on the strains, and set all outputs but the number of gauges and the health, where the gauges in use
    identify the state; of form "dynamic_pressure" where q_inf is known. */

@@ -108,7 +108,7 @@ static void set_suspects(Linear *linear, double threshold) {
         }
     }
     if (largest > threshold) {
-        masked_map_groups(linear->map, linear->prepared.masked, &linear->prepared.work);
+        prepared_groups(&linear->prepared);
         name_suspects(linear, worst);
     }
 }
@@ -133,12 +133,12 @@ static void of_pressure(const Flow *flow, const double *scale, const double *coe
 
 #define N_ENTRIES 15 /* of a symmetric (5, 5) matrix */
 
-void half_space_arrays(const Envelope *envelope, HalfSpaces *spaces, Room *room) {
+void half_space_arrays(const Envelope *envelope, Linear *linear, Room *room) {
     const size_t m = envelope->n_half_spaces, rows = dense_rows(m), columns = dense_columns(N_ENTRIES);
-    spaces->products = taken(room, rows * columns);
-    spaces->variance = taken(room, rows);
-    for (size_t j = 0; spaces->products != NULL && j < m; j++) {
-        double *panel = spaces->products + j / ROWS * ROWS * columns + j % ROWS;
+    linear->products = taken(room, rows * columns);
+    linear->variance = taken(room, rows);
+    for (size_t j = 0; linear->products != NULL && j < m; j++) {
+        double *panel = linear->products + j / ROWS * ROWS * columns + j % ROWS;
         size_t at = 0;
         for (size_t i = 0; i < N_LOADS; i++) {
             for (size_t k = i; k < N_LOADS; k++) {
@@ -184,8 +184,9 @@ FOR_AVX2(square_scores, (const Envelope *envelope, const double *coefficients, d
 
 /* The largest (n'C - limit) / sigma over the half-spaces, 0 where C is inside all. Coefficients (5) and their covariance
    (5, 5) are those at the references of the map. */
-static double envelope_score(const Envelope *envelope, const HalfSpaces *spaces, int wide, const double *coefficients,
-                      const double *covariance) {
+static double envelope_score(const Linear *linear, const double *coefficients, const double *covariance) {
+    const Envelope *envelope = &linear->map->envelope;
+    const int wide = linear->wide;
     if (!CHOSEN(wide, beyond)(envelope, coefficients)) {
         return 0.0;
     }
@@ -196,11 +197,11 @@ static double envelope_score(const Envelope *envelope, const HalfSpaces *spaces,
             entries[at++] = covariance[i * N_LOADS + k];
         }
     }
-    dense_times(wide, envelope->n_half_spaces, N_ENTRIES, spaces->products, entries, spaces->variance);
-    CHOSEN(wide, square_scores)(envelope, coefficients, spaces->variance);
+    dense_times(wide, envelope->n_half_spaces, N_ENTRIES, linear->products, entries, linear->variance);
+    CHOSEN(wide, square_scores)(envelope, coefficients, linear->variance);
     double largest = 0.0;
     for (size_t j = 0; j < envelope->n_half_spaces; j++) {
-        largest = spaces->variance[j] > largest ? spaces->variance[j] : largest;
+        largest = linear->variance[j] > largest ? linear->variance[j] : largest;
     }
     return sqrt(largest);
 }
@@ -229,8 +230,7 @@ static void set_envelope_score(Linear *linear, const ScaledStep *step) {
     }
     double coefficients[N_LOADS], covariance[N_LOADS * N_LOADS];
     map_coefficients(linear, step, coefficients, covariance);
-    linear->output[ENVELOPE_SCORE] = envelope_score(&linear->map->envelope, &linear->half_spaces, linear->wide, coefficients,
-                                               covariance);
+    linear->output[ENVELOPE_SCORE] = envelope_score(linear, coefficients, covariance);
 }
 
 /* Loads about the moment point of the settings, with the error of the dynamic pressure if it is known. */

@@ -265,9 +265,9 @@ static void set_start(const FlightSolver *solver, const Comparison *with, size_t
 }
 
 /* A search of the same strain with the same precisions ends where it ended before in this step. */
-static const KeptEnds *kept_ends(const FlightSolver *solver) {
+static KeptEnds *kept_ends(FlightSolver *solver) {
     for (size_t k = 0; k < solver->n_kept; k++) {
-        const KeptEnds *kept = &solver->kept[k];
+        KeptEnds *kept = &solver->kept[k];
         if (memcmp(kept->precision, solver->sample.precision, sizeof kept->precision) == 0) {
             return kept;
         }
@@ -275,42 +275,35 @@ static const KeptEnds *kept_ends(const FlightSolver *solver) {
     return NULL;
 }
 
-int flight_search_kept(const FlightSolver *solver) {
+int flight_search_kept(FlightSolver *solver) {
     return kept_ends(solver) != NULL;
 }
 
-static void keep(FlightSolver *solver) {
-    KeptEnds *kept = &solver->kept[solver->n_kept++];
-    memcpy(kept->precision, solver->sample.precision, sizeof kept->precision);
-    memcpy(kept->end, solver->end, sizeof kept->end);
-    memcpy(kept->deviance, solver->end_deviance, sizeof kept->deviance);
-}
-
 size_t flight_search_ends(FlightSolver *solver) {
-    const KeptEnds *kept = kept_ends(solver);
+    KeptEnds *ends = kept_ends(solver);
     size_t best = 0;
-    if (kept != NULL) {
-        memcpy(solver->end, kept->end, sizeof solver->end);
-        memcpy(solver->end_deviance, kept->deviance, sizeof solver->end_deviance);
     /* A third search in one step would break the bound on its time: the last ends stay. */
-    } else if (solver->n_kept < KEPT_SEARCHES) {
+    if (ends == NULL && solver->n_kept < KEPT_SEARCHES) {
         const Comparison with = weighed(solver);
+        ends = &solver->kept[solver->n_kept++];
+        memcpy(ends->precision, solver->sample.precision, sizeof ends->precision);
         for (size_t start = 0; start < SEARCH_STARTS; start++) {
-            set_start(solver, &with, start, solver->end[start]);
+            set_start(solver, &with, start, ends->end[start]);
         }
         for (size_t start = 0; start < SEARCH_STARTS; start++) {
-            solver->end_deviance[start] = flight_iterate_start(solver, solver->end[start]);
+            ends->deviance[start] = flight_iterate_start(solver, ends->end[start]);
         }
-        keep(solver);
     }
+    solver->ends = ends != NULL ? ends : solver->ends;
     for (size_t start = 1; start < SEARCH_STARTS; start++) {
-        best = solver->end_deviance[start] < solver->end_deviance[best] ? start : best;
+        best = solver->ends->deviance[start] < solver->ends->deviance[best] ? start : best;
     }
     return best;
 }
 
 void flight_solve_cold(FlightSolver *solver) {
-    flight_solve_from(solver, solver->end[flight_search_ends(solver)]);
+    const size_t best = flight_search_ends(solver);
+    flight_solve_from(solver, solver->ends->end[best]);
 }
 
 /* States at an incidence and a roll angle, the best Mach number of each. */

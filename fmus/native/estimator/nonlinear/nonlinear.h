@@ -153,9 +153,9 @@ typedef struct {
     double innovation[N_MEASURED];
     double log_mach_slope;       /* derivative of ln q_inf by M */
     double hessian[N_STATES * N_STATES], gradient[N_STATES], cost;
-    double end[SEARCH_STARTS][N_STATES], end_deviance[SEARCH_STARTS]; /* where the iterations of the search ended */
     KeptEnds kept[KEPT_SEARCHES]; /* of the searches of this step: it may repeat them */
-    size_t n_kept; /* 0 again with the next strain */
+    size_t n_kept;        /* 0 again with the next strain */
+    const KeptEnds *ends; /* of the last search */
     size_t iterations; /* Gauss-Newton ones of this step */
     int has_before;              /* whether the iterations have taken a step: from this state, the whole of it this */
     double before[N_STATES], whole_step[N_STATES];
@@ -356,10 +356,10 @@ void flight_limited(const FlightMap *map, const double *from, const double *step
 /* Solve for solver->sample from a search of the tables. Then the solution is in solver->solution. */
 void flight_solve_cold(FlightSolver *solver);
 
-/* Where the search ends, in solver->end, and the best of them. A step searches at most KEPT_SEARCHES times, once for the
+/* Where the search ends, in solver->ends, and the best of them. A step searches at most KEPT_SEARCHES times, once for the
    same navigation: after that the last ends stay. Whether they are for the navigation at hand. */
 size_t flight_search_ends(FlightSolver *solver);
-int flight_search_kept(const FlightSolver *solver);
+int flight_search_kept(FlightSolver *solver);
 
 /* The best minima of the search's states, over incidence and roll angle, that are not near a state; their number. */
 size_t flight_search_minima(FlightSolver *solver, const double *state, double minimum[MOST_MINIMA][N_STATES]);

@@ -160,7 +160,7 @@ static void look_at_ends(FlightSolver *solver, const double *state, const double
     double most = 0.0, square;
     for (size_t s = 0; s < SEARCH_STARTS; s++) {
         const double weight =
-            weight_of_end(state, hessian, solver->end[s], solver->end_deviance[s] - base->deviance, &square);
+            weight_of_end(state, hessian, solver->ends->end[s], solver->ends->deviance[s] - base->deviance, &square);
         if (weight > 0.0 && weight * square > most) {
             most = weight * square;
             farthest = s;
@@ -171,7 +171,7 @@ static void look_at_ends(FlightSolver *solver, const double *state, const double
     }
     Estimated other;
     /* The end was reached with S of half-way: its likelihood by S there decides. */
-    flight_linearise_anew(solver, solver->end[farthest]);
+    flight_linearise_anew(solver, solver->ends->end[farthest]);
     estimate(solver, N_STATES, &other);
     const double weight =
         weight_of_end(state, hessian, solver->state, other.deviance - base->deviance, &square);
@@ -209,8 +209,8 @@ void flight_search_more(FlightSolver *solver) {
     double widening[N_WIDENING];
     const size_t best = flight_search_ends(solver);
     flight_linearise_anew(solver, kept.state);
-    if (flight_search_kept(solver) && solver->end_deviance[best] < flight_deviance(solver) - BETTER) {
-        flight_solve_from(solver, solver->end[best]);
+    if (flight_search_kept(solver) && solver->ends->deviance[best] < flight_deviance(solver) - BETTER) {
+        flight_solve_from(solver, solver->ends->end[best]);
         flight_widen_searched(solver);
         return;
     }

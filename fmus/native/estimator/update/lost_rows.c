@@ -34,12 +34,6 @@
 #include <math.h>
 #include <string.h>
 
-void lost_rows_arrays(size_t n, LostRows *rows, Room *room) {
-    rows->root = taken(room, dense_rows(n));
-    rows->matrix = taken(room, n * (n + 1));
-    rows->head = taken(room, 2 * n);
-}
-
 /* Q and R of D^-1/2 V_L for these u. One more column, D^-1/2 V (m - d_0), is rotated along with them: the mean strain
    of lost gauges is predicted like their readings. */
 static void decompose(const Scaled *scaled, const double *unresolved, const LostRows *rows) {

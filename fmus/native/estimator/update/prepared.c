@@ -34,24 +34,12 @@
    be distinguished and form a group; the relation is continued through a third gauge. Triangle and groups are made
    when a suspect needs them; a step without one does with the first n_missing columns. */
 
-static void masked_map_arrays(const Map *map, MaskedMap *masked, Room *room) {
-    const size_t n = map->n_gauges;
-    masked->triangle = taken(room, triangle_column(n));
-    masked->z_scale = taken(room, n);
-    masked->used = piece(room, n, sizeof *masked->used);
-    masked->group = piece(room, n, sizeof *masked->group);
-    masked->mask = piece(room, n, 1);
-}
-
-static void workspace_arrays(const Map *map, Workspace *work, Room *room) {
-    const size_t n = map->n_gauges;
-    TAKE(room, n * n, &work->first, &work->second, &work->third);
-    work->order = piece(room, n, sizeof *work->order);
-}
-
 /* The missing gauges, then those in use, both ascending: the order of the columns. The result is the number of the
    missing. */
-static size_t missing_first(const Map *map, MaskedMap *masked, size_t *order) {
+static size_t missing_first(Prepared *prepared) {
+    const Map *map = prepared->map;
+    MaskedMap *masked = prepared->masked;
+    size_t *order = prepared->order;
     size_t missing = 0, used = 0;
     for (size_t i = 0; i < map->n_gauges; i++) {
         if (masked->mask[i]) {
@@ -67,13 +55,16 @@ static size_t missing_first(const Map *map, MaskedMap *masked, size_t *order) {
 
 /* The first columns of the R of W in another order of the gauges, from the packed R: the reflections act on columns
    of R, which are shorter than columns of W. */
-static void reordered_triangle(int wide, size_t n, size_t columns, const double *packed, const size_t *order, double *a) {
+static void reordered_triangle(Prepared *prepared, size_t columns) {
+    const size_t n = prepared->map->n_gauges, *order = prepared->order;
+    const double *packed = prepared->map->made->residual_triangle;
+    double *a = prepared->first;
     for (size_t j = 0; j < columns; j++) {
         const size_t height = order[j] + 1;
         memcpy(a + j * n, packed + triangle_column(order[j]), height * sizeof *a);
         memset(a + j * n + height, 0, (n - height) * sizeof *a);
     }
-    householder_triangle(wide, n, columns, a);
+    householder_triangle(prepared->noise.wide, n, columns, a);
 }
 
 /* A lower bound of the smallest singular value of a triangle T: 1 / |T^-1|_F, an inverse column at a time. 0 where T
@@ -94,20 +85,21 @@ static double least_singular_value(size_t n, const double *triangle, double *col
 
 /* The square of the smallest singular value of R_MM r^-1. The cheap lower bound decides most sets; an exact value is
    computed where it does not suffice. */
-static double information_left(const Map *map, size_t n_missing, Workspace *work) {
+static double information_left(Prepared *prepared, size_t n_missing) {
+    const Map *map = prepared->map;
     const size_t n = map->n_gauges;
-    double *r = work->second, *ratio = work->third;
+    double *r = prepared->second, *ratio = prepared->third;
     for (size_t j = 0; j < n_missing; j++) {
-        const size_t gauge = work->order[j];
+        const size_t gauge = prepared->order[j];
         for (size_t i = 0; i < n; i++) {
             r[j * n + i] = i < gauge ? 0.0 : map->made->noise_whitening[triangle_column(i) + gauge];
         }
     }
-    householder_triangle(work->wide, n, n_missing, r);
+    householder_triangle(prepared->noise.wide, n, n_missing, r);
     for (size_t j = 0; j < n_missing; j++) {
         double *column = ratio + j * n_missing;
         memset(column, 0, n_missing * sizeof *column);
-        memcpy(column, work->first + j * n, (j + 1) * sizeof *column);
+        memcpy(column, prepared->first + j * n, (j + 1) * sizeof *column);
         /* Column j of R_MM r^-1, by substitution from the left. */
         for (size_t m = 0; m < j; m++) {
             for (size_t i = 0; i <= m; i++) {
@@ -125,7 +117,8 @@ static double information_left(const Map *map, size_t n_missing, Workspace *work
 
 /* A known prior identifies every state. Without one, more missing gauges than degrees of freedom leave W_M without
    full rank. */
-static int identifies(const Map *map, size_t n_missing, Workspace *work) {
+static int identifies(Prepared *prepared, size_t n_missing) {
+    const Map *map = prepared->map;
     if (n_missing == map->n_gauges) {
         return 0;
     }
@@ -133,16 +126,18 @@ static int identifies(const Map *map, size_t n_missing, Workspace *work) {
         return 1;
     }
     return n_missing <= (size_t)map->degrees_of_freedom
-        && information_left(map, n_missing, work) >= map->min_information;
+        && information_left(prepared, n_missing) >= map->min_information;
 }
 
 /* R_KK, and 1 / sqrt(P_ii) of each gauge in use; 0 where P_ii is rounding, so that no other gauge checks this one. */
-static void set_residual(const Map *map, MaskedMap *masked, size_t n_missing, const Workspace *work) {
+static void set_residual(Prepared *prepared, size_t n_missing) {
+    const Map *map = prepared->map;
+    MaskedMap *masked = prepared->masked;
     const size_t n = map->n_gauges;
-    reordered_triangle(work->wide, n, n, map->made->residual_triangle, work->order, work->first);
+    reordered_triangle(prepared, n);
     for (size_t k = 0; k < masked->n_used; k++) {
         double *column = masked->triangle + triangle_column(k);
-        memcpy(column, work->first + (n_missing + k) * n + n_missing, (k + 1) * sizeof *column);
+        memcpy(column, prepared->first + (n_missing + k) * n + n_missing, (k + 1) * sizeof *column);
         const double precision = dot(k + 1, column, column);
         const int checked = precision > map->made->min_precision[masked->used[k]];
         masked->z_scale[k] = checked ? 1.0 / sqrt(precision) : 0.0;
@@ -171,19 +166,21 @@ static void set_groups(const Map *map, MaskedMap *masked) {
     }
 }
 
-void masked_map_groups(const Map *map, MaskedMap *masked, Workspace *work) {
-    if (!masked->grouped) {
-        set_residual(map, masked, missing_first(map, masked, work->order), work);
-        set_groups(map, masked);
-        masked->grouped = 1;
+void prepared_groups(Prepared *prepared) {
+    if (!prepared->masked->grouped) {
+        set_residual(prepared, missing_first(prepared));
+        set_groups(prepared->map, prepared->masked);
+        prepared->masked->grouped = 1;
     }
 }
 
-static void masked_map_prepare(const Map *map, MaskedMap *masked, Workspace *work) {
-    const size_t n_missing = missing_first(map, masked, work->order);
+static void prepare_masked(Prepared *prepared) {
+    const Map *map = prepared->map;
+    MaskedMap *masked = prepared->masked;
+    const size_t n_missing = missing_first(prepared);
     masked->grouped = 0;
-    reordered_triangle(work->wide, map->n_gauges, n_missing, map->made->residual_triangle, work->order, work->first);
-    masked->identified = identifies(map, n_missing, work);
+    reordered_triangle(prepared, n_missing);
+    masked->identified = identifies(prepared, n_missing);
     if (!masked->identified) {
         return;
     }
@@ -193,12 +190,19 @@ static void masked_map_prepare(const Map *map, MaskedMap *masked, Workspace *wor
 }
 
 void prepared_arrays(Map *map, size_t n_strains, Prepared *prepared, Room *room) {
+    const size_t n = map->n_gauges;
     prepared->map = map;
     for (int k = 0; k < CACHED_MASKS; k++) {
-        masked_map_arrays(map, &prepared->cache[k], room);
+        MaskedMap *masked = &prepared->cache[k];
+        masked->triangle = taken(room, triangle_column(n));
+        masked->z_scale = taken(room, n);
+        masked->used = piece(room, n, sizeof *masked->used);
+        masked->group = piece(room, n, sizeof *masked->group);
+        masked->mask = piece(room, n, 1);
     }
-    prepared->mask = piece(room, map->n_gauges, 1);
-    workspace_arrays(map, &prepared->work, room);
+    prepared->mask = piece(room, n, 1);
+    TAKE(room, n * n, &prepared->first, &prepared->second, &prepared->third);
+    prepared->order = piece(room, n, sizeof *prepared->order);
     added_noise_arrays(map, &prepared->noise, room);
     prepared->n_strains = n_strains;
     TAKE(room, n_strains + 1, &prepared->noise_std, &prepared->next_std);
@@ -237,7 +241,7 @@ void prepared_follow(Prepared *prepared, const Inputs *inputs) {
     memcpy(prepared->masked->mask, prepared->mask, n);
     /* The number is new: what steps have computed for the set that was here before does not count. */
     prepared->masked->number = prepared->uses;
-    masked_map_prepare(prepared->map, prepared->masked, &prepared->work);
+    prepare_masked(prepared);
 }
 
 int prepared_holds(const Prepared *prepared, const double *std) {

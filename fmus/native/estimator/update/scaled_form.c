@@ -49,8 +49,9 @@ void scaled_arrays(Scaled *scaled, Room *room) {
     TAKE(room, n, &step->z, &scaled->size);
     TAKE(room, whole, &scaled->own_mean, &scaled->residual);
     TAKE(room, n * whole, &step->y, &scaled->of_lost);
-    lost_rows_arrays(n, &step->qr_of_truth, room);
-    lost_rows_arrays(n, &step->qr_of_gain, room);
+    TAKE(room, whole, &step->qr_of_truth.root, &step->qr_of_gain.root);
+    TAKE(room, n * (n + 1), &step->qr_of_truth.matrix, &step->qr_of_gain.matrix);
+    TAKE(room, 2 * n, &step->qr_of_truth.head, &step->qr_of_gain.head);
     TAKE(room, N_LOADS * n, &step->growth, &scaled->shift);
     scaled->of_gain = taken(room, n);
     if (!gain_differs(scaled->map)) {

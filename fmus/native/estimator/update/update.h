@@ -61,16 +61,6 @@ typedef struct {
     double chi_square_limit, outlier_threshold;
 } MaskedMap;
 
-/* Scratch of one set after another. */
-typedef struct {
-    int wide;                       /* wide_of_processor() */
-    double *first, *second, *third; /* (n_gauges, n_gauges) */
-    size_t *order;                  /* (n_gauges) gauges, the missing first */
-} Workspace;
-
-/* Set the groups of gauges that cannot be distinguished, if they are not. */
-void masked_map_groups(const Map *map, MaskedMap *masked, Workspace *work);
-
 /* Sets of missing gauges whose matrices are kept; the least recently used gives way. */
 #define CACHED_MASKS 4
 
@@ -83,9 +73,14 @@ typedef struct {
     MaskedMap *masked; /* for the gauges in use; NULL before any are known */
     MaskedMap cache[CACHED_MASKS];
     unsigned long last_use[CACHED_MASKS], uses; /* 0 for an empty entry */
-    Workspace work;
     unsigned char *mask; /* (n_gauges) gauges in use in this step */
+    /* Scratch of one set after another. */
+    double *first, *second, *third; /* (n_gauges, n_gauges) */
+    size_t *order;                  /* (n_gauges) gauges, the missing first */
 } Prepared;
+
+/* Set the groups of gauges that cannot be distinguished, if they are not. */
+void prepared_groups(Prepared *prepared);
 
 /* Hand out the arrays of a map with n_strains strain gauges; noise.other_loads is set. */
 void prepared_arrays(Map *map, size_t n_strains, Prepared *prepared, Room *room);
@@ -208,9 +203,6 @@ typedef struct {
     CurrentErrors errors;
     ScaledStep step;
 } Scaled;
-
-/* Hand out the arrays for n gauges. */
-void lost_rows_arrays(size_t n, LostRows *rows, Room *room);
 
 /* Of step->lost at step->unresolved, and at the u of the gain: step->qr_of_truth, step->qr_of_gain, Y and growth; of_mean is
    predicted. */
