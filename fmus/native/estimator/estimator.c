@@ -22,9 +22,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Iterations of a step that does not search the tables; a search takes more. */
-#define SHORT_ITERATIONS 16
-
 /* Let the parts point to what they read and write of each other. */
 static void connect(Estimator *e) {
     e->inputs.map = &e->map;
@@ -35,9 +32,6 @@ static void connect(Estimator *e) {
     e->linear.output = e->output;
     e->linear.other_loads = &e->other_loads;
     e->linear.wide = wide_of_processor();
-    e->renewal.linear = &e->linear;
-    e->renewal.flight = &e->flight;
-    e->renewal.thermal = &e->thermal;
     e->flight.inputs = &e->inputs;
     e->flight.output = e->output;
     e->flight.linear = &e->linear;
@@ -49,7 +43,7 @@ static void lay_out(void *part, Room *room) {
     Estimator *e = part;
     const size_t n = e->map.n_gauges, n_inputs = e->inputs.first[N_INPUT_RUNS];
     linear_arrays(&e->map, e->sensors.n_strains, &e->linear, room);
-    renewal_arrays(e->sensors.n_strains, &e->renewal, room);
+    renewal_arrays(e, room);
     e->inputs.value = taken(room, n_inputs);
     e->inputs.strain = taken(room, n);
     e->direction = taken(room, n_inputs);
@@ -132,7 +126,7 @@ void estimator_restart(Estimator *e) {
     flight_reset(&e->flight);
     filter_reset(&e->filter);
     e->noise_outdated |= e->renewal.under_way != 0.0;
-    renewal_reset(&e->renewal);
+    renewal_reset(e);
     e->outdated = 1;
 }
 
@@ -176,27 +170,11 @@ static void step_filter(Estimator *e, double start) {
     filter->track.stepped = 1.0;
 }
 
-/* Matrices for the latest zeros: those that are made, before the estimate of a step; a part of them, after it. */
-static void begin_renewal(Estimator *e) {
-    if (e->noise_outdated || e->renewal.under_way == 0.0) {
-        const double *latest = latest_zeros(e);
-        e->outdated |= renewal_begin_step(&e->renewal, latest);
-        e->noise_outdated = renewal_pending(&e->renewal, latest);
-    }
-}
-
-static void end_renewal(Estimator *e) {
-    if (e->noise_outdated) {
-        const int long_step = e->flight.present && e->flight.solver.iterations > SHORT_ITERATIONS;
-        renewal_end_step(&e->renewal, latest_zeros(e), long_step);
-    }
-}
-
 void estimator_step(Estimator *e, double start) {
     if (e->flight.base.stepped != 0.0 || e->filter.track.stepped != 0.0) {
         estimator_before_change(e);
     }
-    begin_renewal(e);
+    renewal_begin_step(e);
     if (e->filter.present) {
         step_filter(e, start);
     }
@@ -204,12 +182,12 @@ void estimator_step(Estimator *e, double start) {
         estimator_outputs(e);
     }
     e->flight.base.stepped = e->flight.present ? 1.0 : 0.0;
-    end_renewal(e);
+    renewal_end_step(e);
 }
 
 void estimator_renew(Estimator *e) {
     estimator_before_change(e);
-    renewal_at_once(&e->renewal, latest_zeros(e), 0);
+    renewal_at_once(e, latest_zeros(e), 0);
     e->noise_outdated = 0;
     e->outdated = 1;
 }
@@ -264,10 +242,10 @@ const double *estimator_outputs(Estimator *e) {
         }
         const int other_sensors = e->thermal.present && thermal_read(&e->thermal, temperature, channel, vibration);
         if (other_sensors || (e->noise_outdated && e->renewal.under_way == 0.0)) {
-            renewal_at_once(&e->renewal, latest_zeros(e), other_sensors);
+            renewal_at_once(e, latest_zeros(e), other_sensors);
             e->noise_outdated = 0;
         }
-        const int renews = estimator_renews(e);
+        const int renews = renewal_pending(e);
         e->inputs.zeros = renews ? e->renewal.held : latest_zeros(e);
         readings_set_strain(&e->inputs);
         if (e->thermal.present) {

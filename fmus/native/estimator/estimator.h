@@ -14,10 +14,6 @@
    where nothing has a deadline. */
 
 typedef struct {
-    Linear *linear;
-    Flight *flight;
-    Thermal *thermal;
-    size_t n_strains;
     double under_way; /* whether a step has been taken; these three float64, as they are serialised */
     double parts;     /* of the matrices for `target` that are made, */
     double waited;    /* and steps in a row that made none */
@@ -25,32 +21,6 @@ typedef struct {
     double *held;     /* (number_of_zeros) in use in the last step; the map holds for their standard deviations */
     double *target;   /* (number_of_zeros) those that matrices are made for */
 } Renewal;
-
-/* Hand out the arrays. */
-void renewal_arrays(size_t n_strains, Renewal *renewal, Room *room);
-
-/* No step has been taken. */
-void renewal_reset(Renewal *renewal);
-
-/* Let the map hold for zeros that are given (number_of_zeros), and, if they are others, for the known temperature sensors. */
-void renewal_at_once(Renewal *renewal, const double *given, int other_sensors);
-
-/* A step begins, of zeros that are given: the first one follows them at once, others use matrices that are made. Whether
-   the map has other matrices. */
-int renewal_begin_step(Renewal *renewal, const double *given);
-
-/* The estimate of the step is made; whether that took long. */
-void renewal_end_step(Renewal *renewal, const double *given, int long_step);
-
-/* Whether steps have yet to follow zeros that are given; and which are in use. */
-int renewal_pending(const Renewal *renewal, const double *given);
-const double *renewal_zeros(const Renewal *renewal, const double *given);
-
-/* The state in bytes; whether bytes may be read, with zeros up to the largest one. */
-size_t renewal_state_size(const Renewal *renewal);
-void renewal_write_state(const Renewal *renewal, unsigned char *bytes);
-int renewal_state_fits(const Renewal *renewal, double largest_zero, const unsigned char *bytes);
-void renewal_read_state(Renewal *renewal, const unsigned char *bytes);
 
 /* Number of outputs that are whole numbers: the health state, VALID_GAUGES to SUSPECTS, and the state of the tare. */
 #define N_WHOLE 5
@@ -94,10 +64,24 @@ static inline const double *latest_zeros(const Estimator *e) {
     return e->tare.present && e->tare.flags.has_zeros != 0.0 ? e->tare.zero : zeros_given(&e->inputs);
 }
 
-/* Whether the latest zeros are not yet in use. */
-static inline int estimator_renews(const Estimator *e) {
-    return e->noise_outdated && renewal_pending(&e->renewal, latest_zeros(e));
-}
+/* Of renewal.c: hand out the arrays; no step has been taken; let the map hold for zeros (number_of_zeros), and, if they are
+   others, for the known temperature sensors. */
+void renewal_arrays(Estimator *estimator, Room *room);
+void renewal_reset(Estimator *estimator);
+void renewal_at_once(Estimator *estimator, const double *zeros, int other_sensors);
+
+/* A step begins: the first one follows the latest zeros at once, others use matrices that are made. The estimate of the step
+   is made. Whether steps have yet to follow the latest zeros, and which are in use. */
+void renewal_begin_step(Estimator *estimator);
+void renewal_end_step(Estimator *estimator);
+int renewal_pending(const Estimator *estimator);
+const double *zeros_in_use(const Estimator *estimator);
+
+/* Its state in bytes; whether bytes may be read. */
+size_t renewal_state_size(const Estimator *estimator);
+void renewal_write_state(const Estimator *estimator, unsigned char *bytes);
+int renewal_state_fits(const Estimator *estimator, const unsigned char *bytes);
+void renewal_read_state(Estimator *estimator, const unsigned char *bytes);
 
 /* Let the latest zeros be in use, however long that takes. */
 void estimator_renew(Estimator *estimator);

@@ -169,7 +169,7 @@ static int event(Model *model, char text[MODEL_TEXT_SIZE]) {
         snprintf(text + used, MODEL_TEXT_SIZE - used, "; specific_force_%c: expected about %.3g m/s2 by load and mass, got %.3g",
                  " yz"[axis], force, e->inputs.value[e->inputs.first[INERTIAL_RUN] + (size_t)axis]);
     }
-    if (health == DEGRADED && estimator_renews(e)) {
+    if (health == DEGRADED && renewal_pending(e)) {
         snprintf(text + used, MODEL_TEXT_SIZE - used, "; matrices for other deviations of zeros are being made");
     }
     if (health == DEGRADED && thermal_vibrates(&e->thermal)) {
@@ -207,7 +207,7 @@ static double value_of(Estimator *e, Variable variable) {
     case FLIGHT_FLAG: return e->flight.flag[place];
     case TARE_INPUT: return e->tare.up;
     case TARE_STATE: return whole_value(e, TARE_WHOLE);
-    case ZERO_IN_USE: return renewal_zeros(&e->renewal, latest_zeros(e))[place];
+    case ZERO_IN_USE: return zeros_in_use(e)[place];
     case SCORE: return known_parameter_score(&e->inputs, place);
     case USABLE: return is_usable(whole_value(e, 0));
     default: return other_loads_of(e)[place];

@@ -25,7 +25,7 @@ static size_t tared_size(const Estimator *e) {
 }
 
 static size_t linear_size(const Estimator *e) {
-    return tared_size(e) + renewal_state_size(&e->renewal);
+    return tared_size(e) + renewal_state_size(e);
 }
 
 size_t model_state_size(const Model *model) {
@@ -41,7 +41,7 @@ void model_write_state(const Model *model, unsigned char *bytes) {
     }
     filter_write_state(&e->filter, bytes + linear_size(e));
     tare_write_state(&e->tare, bytes + input_size(e));
-    renewal_write_state(&e->renewal, bytes + tared_size(e));
+    renewal_write_state(e, bytes + tared_size(e));
     memcpy(bytes, e->inputs.value, sizeof(double) * e->inputs.first[N_INPUT_RUNS]);
     bytes += sizeof(double) * e->inputs.first[N_INPUT_RUNS];
     memcpy(bytes, e->settled, sizeof e->settled);
@@ -74,7 +74,7 @@ static const char *fault_of(const Estimator *e, const unsigned char *bytes) {
     if (!tare_state_fits(&e->tare, bytes + input_size(e))) {
         return "holds a tare that cannot be";
     }
-    if (!renewal_state_fits(&e->renewal, e->map.largest_zero, bytes + tared_size(e))) {
+    if (!renewal_state_fits(e, bytes + tared_size(e))) {
         return "holds zero offsets that are not allowed";
     }
     if (!filter_state_fits(&e->filter, bytes + linear_size(e))) {
@@ -106,7 +106,7 @@ void model_read_state(Model *model, const unsigned char *bytes) {
     filter_read_state(&e->filter, bytes + linear_size(e));
     tare_read_state(&e->tare, bytes + input_size(e));
     const Floating host = floating_enter();
-    renewal_read_state(&e->renewal, bytes + tared_size(e));
+    renewal_read_state(e, bytes + tared_size(e));
     floating_leave(&host);
     memcpy(e->inputs.value, bytes, sizeof(double) * e->inputs.first[N_INPUT_RUNS]);
     bytes += sizeof(double) * e->inputs.first[N_INPUT_RUNS];
