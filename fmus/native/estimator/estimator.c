@@ -119,6 +119,11 @@ Estimator *estimator_create(Memory *memory, const unsigned char *bytes, size_t l
         return NULL;
     }
     estimator_reset(e);
+    e->base = (Model){.guid = e->map.guid,
+                      .checksum = e->map.checksum,
+                      .mode = INSTANTIATED,
+                      .co_simulation_only = e->flight.present};
+    e->memory = *memory;
     return e;
 }
 

@@ -118,7 +118,7 @@ int main(int argc, char **argv) {
             e->inputs.value[n + ALARM_SCALE] = SCALES[s];
             memcpy(e->inputs.value, e->map.mean_strain, n * sizeof *e->inputs.value);
             compare(e);
-            masked_map_groups(&e->map, e->linear.prepared.masked, &e->linear.prepared.work);
+            prepared_groups(&e->linear.prepared);
             for (size_t k = 0; k < e->linear.prepared.masked->n_used; k++) {
                 set_background(e, (double)(k % 3) * sqrt(SCALES[s]));
                 scan(e, k);

@@ -21,30 +21,17 @@ void model_destroy(Model *model) {
     }
 }
 
-Estimator *estimator_in(Memory *memory, const unsigned char *bytes, size_t length, char text[MODEL_TEXT_SIZE]) {
-    Estimator *e = estimator_create(memory, bytes, length, text);
-    if (e == NULL) {
-        return NULL;
-    }
-    e->base = (Model){.guid = e->map.guid,
-                      .checksum = e->map.checksum,
-                      .mode = INSTANTIATED,
-                      .co_simulation_only = e->flight.present,
-                      .time_reference = time_reference(e)};
-    e->inputs.angles_need_std = 1;
-    e->memory = *memory;
-    return e;
-}
-
 static Model *create(unsigned char *bytes, size_t length, char text[MODEL_TEXT_SIZE]) {
     Memory memory = {NULL, NULL, 0, 0};
-    Estimator *e = estimator_in(&memory, bytes, length, text);
+    Estimator *e = estimator_create(&memory, bytes, length, text);
     if (e == NULL) {
         memory_free(&memory);
         free(bytes);
         return NULL;
     }
     e->bytes = bytes;
+    e->base.time_reference = time_reference(e);
+    e->inputs.angles_need_std = 1;
     return &e->base;
 }
 

@@ -32,27 +32,20 @@ Type variable_type(const Estimator *e, Variable variable);
 /* Value reference of FMI 3.0 of the time, behind all arrays. */
 unsigned time_reference(const Estimator *e);
 
-/* The estimator as a model of the fronts of FMI, and as one in the memory of a caller. */
-
-/* An estimator of the map in bytes [length], which must outlive it, in blocks of `memory`, which the caller frees, also if
-   it fails. NULL with a text. */
-Estimator *estimator_in(Memory *memory, const unsigned char *bytes, size_t length, char text[MODEL_TEXT_SIZE]);
-
 /* What a result rests on: covariances, residuals and the gauges in use, of the last outputs of an estimator. */
 
-/* Places of the fit of a result; behind them (n_gauges) standardised residuals, gauges in use, and suspects. */
-enum {
-    LOAD_COVARIANCE = 0,                                              /* (5, 5) about the moment point of the settings */
-    COEFFICIENT_COVARIANCE = LOAD_COVARIANCE + N_LOADS * N_LOADS,     /* (5, 5) [1] */
-    FITS = COEFFICIENT_COVARIANCE + N_LOADS * N_LOADS,                /* whether strain and air data fit the map */
-    FLIGHT_STATE,                                                     /* (4) M, u, w, ln p; NaN for linear maps, */
-    FLIGHT_STATE_COVARIANCE = FLIGHT_STATE + N_STATES,                /* (4, 4) as the next */
-    AIR_DATA_RESIDUAL = FLIGHT_STATE_COVARIANCE + N_STATES * N_STATES, /* (3) standardised: M, p, q */
-    DISCREPANCY_CHI_SQUARE = AIR_DATA_RESIDUAL + N_NAVIGATION,        /* of the discrepancy modes in the residual */
-    RESIDUAL_LIMIT,                                                   /* detection threshold of the largest |z| */
-    NOISE_LEFT,                                                       /* part of the variance of noise; 1 of a sample alone */
-    OF_GAUGES
-};
+/* Fields of the fit of a result, as OUTPUT_FIELDS; behind them (n_gauges) standardised residuals, gauges in use, and suspects. */
+#define FIT_FIELDS(X)                                                                                                      \
+    X(LOAD_COVARIANCE, "load_covariance", N_LOADS * N_LOADS) /* (5, 5) about the moment point of the settings */           \
+    X(COEFFICIENT_COVARIANCE, "coefficient_covariance", N_LOADS * N_LOADS)    /* (5, 5) [1] */                             \
+    X(FITS, "fits", 1)                                                        /* whether strain and air data fit the map */ \
+    X(FLIGHT_STATE, "state", N_STATES)                               /* (4) M, u, w, ln p; NaN for linear maps, */         \
+    X(FLIGHT_STATE_COVARIANCE, "state_covariance", N_STATES * N_STATES) /* (4, 4) as the next */                           \
+    X(AIR_DATA_RESIDUAL, "air_data_residual", N_NAVIGATION)          /* (3) standardised: M, p, q */                       \
+    X(DISCREPANCY_CHI_SQUARE, "discrepancy_chi_square", 1)           /* of the discrepancy modes in the residual */        \
+    X(RESIDUAL_LIMIT, "residual_limit", 1)                           /* detection threshold of the largest |z| */          \
+    X(NOISE_LEFT, "noise_left", 1)                                   /* part of the variance of noise; 1 of a sample alone */
+enum { FIT_FIELDS(FIELD_PLACE) OF_GAUGES };
 
 /* Degrees of freedom of the chi-square of the outputs; 0 where nothing checks the estimate. */
 double degrees_of_freedom(const Estimator *e);

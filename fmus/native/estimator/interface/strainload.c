@@ -50,6 +50,8 @@ static void add_field(Record *record, const char *name, size_t count) {
     record->size += count;
 }
 
+#define ADD_FIELD(place, name, count) add_field(record, name, count);
+
 /* Describe a run of inputs by the names of its fields, all of one length. */
 static Run *add_run(Record *record, Run *run, size_t input, size_t each, size_t n_names, const char *const *names) {
     *run = (Run){record->size, input, each * n_names};
@@ -99,17 +101,7 @@ static void describe_outputs(StrainLoad *handle) {
     const Estimator *e = handle->estimator;
     Record *record = &handle->record[SL_OUTPUTS];
     const size_t n_other = e->other_loads.present ? e->other_loads.map.n_loads : 0, n_flight = e->flight.present ? 1 : 0;
-    add_field(record, "coefficients", N_LOADS);
-    add_field(record, "coefficients_std", N_LOADS);
-    add_field(record, "loads", N_LOADS);
-    add_field(record, "loads_std", N_LOADS);
-    add_field(record, "health", 1);
-    add_field(record, "chi_square", 1);
-    add_field(record, "chi_square_limit", 1);
-    add_field(record, "valid_gauges", 1);
-    add_field(record, "suspect_gauge", 1);
-    add_field(record, "suspects", 1);
-    add_field(record, "envelope_score", 1);
+    OUTPUT_FIELDS(ADD_FIELD)
     add_field(record, "degrees_of_freedom", 1);
     add_field(record, "iterations", 1);
     add_field(record, "air_data", n_flight * N_AIR_DATA);
@@ -129,15 +121,7 @@ static void describe_outputs(StrainLoad *handle) {
 static void describe_fit(StrainLoad *handle) {
     const size_t n = handle->estimator->map.n_gauges;
     Record *record = &handle->record[SL_FIT];
-    add_field(record, "load_covariance", N_LOADS * N_LOADS);
-    add_field(record, "coefficient_covariance", N_LOADS * N_LOADS);
-    add_field(record, "fits", 1);
-    add_field(record, "state", N_STATES);
-    add_field(record, "state_covariance", N_STATES * N_STATES);
-    add_field(record, "air_data_residual", N_NAVIGATION);
-    add_field(record, "discrepancy_chi_square", 1);
-    add_field(record, "residual_limit", 1);
-    add_field(record, "noise_left", 1);
+    FIT_FIELDS(ADD_FIELD)
     add_field(record, "standardised_residual", n);
     add_field(record, "valid", n);
     add_field(record, "is_suspect", n);
@@ -175,7 +159,7 @@ int sl_version(void) {
 static StrainLoad *open_map(Memory *memory, const unsigned char *bytes, size_t length, char text[SL_TEXT_SIZE]) {
     const size_t copied = memory->taken;
     StrainLoad *handle = memory_take(memory, sizeof *handle);
-    Estimator *e = handle != NULL && bytes != NULL ? estimator_in(memory, bytes, length, text) : NULL;
+    Estimator *e = handle != NULL && bytes != NULL ? estimator_create(memory, bytes, length, text) : NULL;
     const int has_memory = e != NULL && tare_like(&e->tare, memory, &handle->whole) && tare_like(&e->tare, memory, &handle->steps);
     if (e == NULL ? handle == NULL || bytes == NULL : !has_memory) {
         snprintf(text, SL_TEXT_SIZE, "needs more memory than there is");
@@ -188,7 +172,6 @@ static StrainLoad *open_map(Memory *memory, const unsigned char *bytes, size_t l
     handle->model = &e->base;
     e->memory = *memory;
     handle->copied = copied;
-    e->inputs.angles_need_std = 0; /* NaN is what no host fills in */
     handle->model->mode = STEP;
     readings_note_given(&e->inputs, 0, e->map.n_gauges);
     describe_inputs(handle);

@@ -295,24 +295,34 @@ static double square(double x) {
     return x * x;
 }
 
-/* Values and variances of outputs from a channel on. */
-static void set_channels(Filter *filter, size_t channel, size_t count, const double *value, const double *std) {
-    for (size_t k = 0; k < count; k++) {
-        filter->value[channel + k] = value[k];
-        filter->variance[channel + k] = square(std[k]);
-    }
+/* Outputs that are channels: from a channel on, values and their standard deviations. */
+typedef struct {
+    size_t channel, count;
+    double *value, *std;
+} ChannelRun;
+
+enum { N_CHANNEL_RUNS = 4 };
+
+static void list_runs(const Flight *flight, ChannelRun run[N_CHANNEL_RUNS]) {
+    const size_t m = other_count(flight), first = first_other(flight);
+    double *output = flight->output, *const *value = flight->loads->value;
+    run[0] = (ChannelRun){LOAD_CHANNELS, N_LOADS, output + LOADS, output + LOADS_STD};
+    run[1] = (ChannelRun){COEFFICIENT_CHANNELS, N_LOADS, output + COEFFICIENTS, output + COEFFICIENTS_STD};
+    run[2] = (ChannelRun){first, m, value[OTHER_LOADS], value[OTHER_LOADS_STD]};
+    run[3] = (ChannelRun){first + m, m, value[OTHER_COEFFICIENTS], value[OTHER_COEFFICIENTS_STD]};
 }
 
 static void set_loads(Filter *filter, Flight *flight) {
-    const size_t m = other_count(flight), first = first_other(flight);
-    const double *output = flight->output;
-    set_channels(filter, LOAD_CHANNELS, N_LOADS, output + LOADS, output + LOADS_STD);
-    set_channels(filter, COEFFICIENT_CHANNELS, N_LOADS, output + COEFFICIENTS, output + COEFFICIENTS_STD);
-    if (m > 0) {
-        double *const *value = flight->loads->value;
+    ChannelRun run[N_CHANNEL_RUNS];
+    list_runs(flight, run);
+    if (other_count(flight) > 0) {
         flight_other_loads_update(flight);
-        set_channels(filter, first, m, value[OTHER_LOADS], value[OTHER_LOADS_STD]);
-        set_channels(filter, first + m, m, value[OTHER_COEFFICIENTS], value[OTHER_COEFFICIENTS_STD]);
+    }
+    for (size_t r = 0; r < N_CHANNEL_RUNS; r++) {
+        for (size_t k = 0; k < run[r].count; k++) {
+            filter->value[run[r].channel + k] = run[r].value[k];
+            filter->variance[run[r].channel + k] = square(run[r].std[k]);
+        }
     }
 }
 
@@ -390,14 +400,6 @@ static void set_sample(Filter *filter, Flight *flight) {
     }
 }
 
-/* Filtered values and their standard deviations from a channel on. */
-static void write_channels(const Filter *filter, size_t channel, size_t count, double *value, double *std) {
-    for (size_t k = 0; k < count; k++) {
-        value[k] = filter->mean[channel + k];
-        std[k] = sqrt(filter->left[channel + k]);
-    }
-}
-
 static void write_flight(const Filter *filter, Flight *flight) {
     Solution filtered = flight->solver.solution;
     memcpy(filtered.state, filter->mean + STATE_CHANNELS, sizeof filtered.state);
@@ -406,14 +408,13 @@ static void write_flight(const Filter *filter, Flight *flight) {
 }
 
 static void write_filtered(const Filter *filter, Flight *flight) {
-    const size_t m = other_count(flight), first = first_other(flight);
-    double *output = flight->output;
-    write_channels(filter, LOAD_CHANNELS, N_LOADS, output + LOADS, output + LOADS_STD);
-    write_channels(filter, COEFFICIENT_CHANNELS, N_LOADS, output + COEFFICIENTS, output + COEFFICIENTS_STD);
-    if (m > 0) {
-        double *const *value = flight->loads->value;
-        write_channels(filter, first, m, value[OTHER_LOADS], value[OTHER_LOADS_STD]);
-        write_channels(filter, first + m, m, value[OTHER_COEFFICIENTS], value[OTHER_COEFFICIENTS_STD]);
+    ChannelRun run[N_CHANNEL_RUNS];
+    list_runs(flight, run);
+    for (size_t r = 0; r < N_CHANNEL_RUNS; r++) {
+        for (size_t k = 0; k < run[r].count; k++) {
+            run[r].value[k] = filter->mean[run[r].channel + k];
+            run[r].std[k] = sqrt(filter->left[run[r].channel + k]);
+        }
     }
     if (flight->present) {
         write_flight(filter, flight);

@@ -136,7 +136,8 @@ typedef struct {
     size_t n_temperatures;             /* sensors of temperature */
     MAP_MEMBERS(ZERO_OFFSETS)
     size_t n_inertial;                 /* N_INERTIAL_INPUTS, 0 of a map without masses */
-    int angles_need_std;               /* whether a measured angle counts only with a standard deviation: in FMUs */
+    int angles_need_std;               /* whether a measured angle counts only with a standard deviation: in FMUs, whose hosts fill
+                                          in 0; NaN is what no host fills in */
     double smallest_time, largest_time; /* of the filter's time constant, of a map that has one [s] */
     size_t first[N_INPUT_RUNS + 1];    /* place of each run; the last one is the number of inputs */
     double *value;                     /* (first[N_INPUT_RUNS]) */
@@ -285,22 +286,22 @@ void measured_angles(const Inputs *inputs, MeasuredAngles *angles);
 
 /* What the estimator puts out for a sample: places of the outputs, states of health, coefficients of loads. */
 
-/* Indices of the outputs; their numbers are the value references of FMI 2.0. Integers and the health state are whole
-   numbers here too. */
-enum {
-    COEFFICIENTS = 0,      /* C_A, C_N, C_Y, M_P, M_Y [1] */
-    COEFFICIENTS_STD = 5,  /* [1] */
-    LOADS = 10,            /* axial, normal, side force; pitching, yawing moment [N, N m] */
-    LOADS_STD = 15,        /* [N, N m] */
-    HEALTH_STATE = 20,
-    CHI_SQUARE = 21,       /* [1] */
-    CHI_SQUARE_LIMIT = 22, /* [1] */
-    VALID_GAUGES = 23,     /* number of gauges in use */
-    SUSPECT_GAUGE = 24,    /* the first suspect, from 1; 0 for none */
-    SUSPECTS = 25,         /* gauges that share the suspicion */
-    ENVELOPE_SCORE = 26,   /* [1] */
-    N_OUTPUTS = 27
-};
+/* Fields of the outputs: the place of the first value, a name, the number of values. Places are the value references of FMI 2.0.
+   Integers and the health state are whole numbers here too. */
+#define OUTPUT_FIELDS(X)                                                                                                  \
+    X(COEFFICIENTS, "coefficients", N_LOADS)         /* C_A, C_N, C_Y, M_P, M_Y [1] */                                    \
+    X(COEFFICIENTS_STD, "coefficients_std", N_LOADS) /* [1] */                                                            \
+    X(LOADS, "loads", N_LOADS)                       /* axial, normal, side force; pitching, yawing moment [N, N m] */    \
+    X(LOADS_STD, "loads_std", N_LOADS)               /* [N, N m] */                                                       \
+    X(HEALTH_STATE, "health", 1)                                                                                          \
+    X(CHI_SQUARE, "chi_square", 1)                   /* [1] */                                                            \
+    X(CHI_SQUARE_LIMIT, "chi_square_limit", 1)       /* [1] */                                                            \
+    X(VALID_GAUGES, "valid_gauges", 1)               /* number of gauges in use */                                        \
+    X(SUSPECT_GAUGE, "suspect_gauge", 1)             /* the first suspect, from 1; 0 for none */                          \
+    X(SUSPECTS, "suspects", 1)                       /* gauges that share the suspicion */                                \
+    X(ENVELOPE_SCORE, "envelope_score", 1)           /* [1] */
+#define FIELD_PLACE(place, name, count) place, place##_LAST = place + (count) - 1,
+enum { OUTPUT_FIELDS(FIELD_PLACE) N_OUTPUTS };
 
 /* States of health: strainfmu/estimator/health.py. */
 enum { OK, INCONSISTENT, NO_COEFFICIENTS, INVALID, DEGRADED, UNIDENTIFIED, SUSPECT, OUTSIDE };

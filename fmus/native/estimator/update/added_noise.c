@@ -139,7 +139,7 @@ static size_t next_row(size_t count, double *square) {
 }
 
 /* The next direction, falling by size, of the turned rows; its loads. */
-static void set_direction(AddedNoise *noise, const double *rows, const LoadRows *five, const LoadRows *other_loads) {
+static void set_direction(AddedNoise *noise, const double *rows, const LoadRows loads[2]) {
     const size_t n = noise->file.n_gauges, a = noise->taken;
     double *square = noise->head;
     const size_t k = next_row(n - noise->file.form.n_free, square);
@@ -151,23 +151,23 @@ static void set_direction(AddedNoise *noise, const double *rows, const LoadRows 
     for (size_t j = 0; j < n; j++) {
         noise->made->whitening[j * n + a] = row[n + j];
     }
-    take_direction(five, n, a, unit, row);
-    take_direction(other_loads, n, a, unit, row);
+    take_direction(&loads[0], n, a, unit, row);
+    take_direction(&loads[1], n, a, unit, row);
     noise->taken++;
 }
 
 /* R: the covariance that the file states, and the loads that no direction has taken. */
-static void set_unseen(const AddedNoise *noise, const LoadRows *five, const LoadRows *other_loads) {
+static void set_unseen(const AddedNoise *noise, const LoadRows loads[2]) {
     const Map *file = &noise->file;
     const size_t n = file->n_gauges;
-    for (size_t i = 0; i < other_loads->count; i++) {
-        const double *left = other_loads->of_spread + i * n;
+    for (size_t i = 0; i < loads[1].count; i++) {
+        const double *left = loads[1].of_spread + i * n;
         noise->made->other_unseen[i] = noise->other_loads->map.spread_unseen[i] + dot(n, left, left);
     }
     for (size_t i = 0; i < N_LOADS; i++) {
         for (size_t j = 0; j < N_LOADS; j++) {
             noise->made->unseen[i * N_LOADS + j] =
-                file->form.spread_unseen[i * N_LOADS + j] + dot(n, five->of_spread + i * n, five->of_spread + j * n);
+                file->form.spread_unseen[i * N_LOADS + j] + dot(n, loads[0].of_spread + i * n, loads[0].of_spread + j * n);
         }
     }
 }
@@ -189,21 +189,17 @@ static Parts parts_of(const AddedNoise *noise) {
     return parts;
 }
 
-static LoadRows five_rows(const AddedNoise *noise, const Parts *parts) {
+/* Rows of the five, and of the other loads; of none for a map without. */
+static void list_loads(const AddedNoise *noise, const Parts *parts, LoadRows loads[2]) {
     const Map *file = &noise->file;
-    return (LoadRows){N_LOADS,        file->load_per_state, file->form.spread_load,
-                      parts->of_free, parts->of_spread,     noise->made->load};
-}
-
-/* Of none for a map without. */
-static LoadRows other_rows(const AddedNoise *noise) {
-    const OtherLoads *other_loads = noise->other_loads;
-    if (other_loads == NULL) {
-        return (LoadRows){0};
+    const OtherLoads *others = noise->other_loads;
+    loads[0] = (LoadRows){N_LOADS,        file->load_per_state, file->form.spread_load,
+                          parts->of_free, parts->of_spread,     noise->made->load};
+    loads[1] = (LoadRows){0};
+    if (others != NULL) {
+        loads[1] = (LoadRows){others->map.n_loads, others->map.load_per_state,                        others->map.spread_load,
+                              others->rows,        others->rows + others->map.n_loads * file->n_gauges, noise->made->other_load};
     }
-    const OtherLoadsMap *map = &other_loads->map;
-    return (LoadRows){map->n_loads,      map->load_per_state, map->spread_load, other_loads->rows,
-                      other_loads->rows + map->n_loads * noise->file.n_gauges, noise->made->other_load};
 }
 
 /* L^-1 of the errors that do not scale; NULL where they have no covariance. */
@@ -224,7 +220,8 @@ static int pressure_directions_begin(AddedNoise *noise) {
     const Map *file = &noise->file;
     const size_t n = file->n_gauges, n_free = file->form.n_free;
     const Parts parts = parts_of(noise);
-    const LoadRows five = five_rows(noise, &parts), other_loads = other_rows(noise);
+    LoadRows loads[2];
+    list_loads(noise, &parts, loads);
     for (size_t i = 0; i < n; i++) {
         noise->made->form_min_precision[i] = file->min_information / own_covariance(noise, i * n + i);
     }
@@ -233,8 +230,8 @@ static int pressure_directions_begin(AddedNoise *noise) {
         return 0;
     }
     eliminate_free(noise, inverse, parts.whole);
-    split_loads(file, parts.whole, &five);
-    split_loads(file, parts.whole, &other_loads);
+    split_loads(file, parts.whole, &loads[0]);
+    split_loads(file, parts.whole, &loads[1]);
     for (size_t a = 0; a < n_free; a++) {
         noise->made->singular[a] = 0.0;
         for (size_t j = 0; j < n; j++) {
@@ -269,14 +266,15 @@ static int pressure_directions_turn(AddedNoise *noise, size_t work) {
 static int pressure_directions_take(AddedNoise *noise, size_t work) {
     const size_t n = noise->file.n_gauges;
     const Parts parts = parts_of(noise);
-    const LoadRows five = five_rows(noise, &parts), other_loads = other_rows(noise);
-    for (size_t done = 0; noise->taken < n && done < work; done += 2 * n * (five.count + other_loads.count + 1)) {
-        set_direction(noise, parts.rows, &five, &other_loads);
+    LoadRows loads[2];
+    list_loads(noise, &parts, loads);
+    for (size_t done = 0; noise->taken < n && done < work; done += 2 * n * (loads[0].count + loads[1].count + 1)) {
+        set_direction(noise, parts.rows, loads);
     }
     if (noise->taken < n) {
         return 0;
     }
-    set_unseen(noise, &five, &other_loads);
+    set_unseen(noise, loads);
     return 1;
 }
 
