@@ -177,11 +177,6 @@ static void begin(SystemModel *model) {
     sample(model);
 }
 
-/* Outputs change at samples only. */
-static void outputs(SystemModel *model) {
-    (void)model;
-}
-
 static int step(SystemModel *model, double end, char text[MODEL_TEXT_SIZE]) {
     (void)text;
     model->base.time = end;
@@ -190,4 +185,4 @@ static int step(SystemModel *model, double end, char text[MODEL_TEXT_SIZE]) {
     return STATUS_OK;
 }
 
-const Behaviour AUTOPILOT = {prepare, begin, outputs, step};
+const Behaviour AUTOPILOT = {prepare, begin, NULL, step};

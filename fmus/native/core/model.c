@@ -26,10 +26,6 @@ void model_reset(Model *model) {
     COMPUTE(MODEL.reset(model));
 }
 
-void model_end_initialization(Model *model) {
-    COMPUTE(MODEL.end_initialization(model));
-}
-
 int model_step(Model *model, double start, double end, char text[MODEL_TEXT_SIZE]) {
     COMPUTE_AS(int, MODEL.step(model, start, end, text));
 }
@@ -42,6 +38,7 @@ int model_step(Model *model, double start, double end, char text[MODEL_TEXT_SIZE
         }                                 \
     }
 
+OPTIONAL(end_initialization)
 OPTIONAL(follow_event)
 OPTIONAL(accept_step)
 OPTIONAL(settle)

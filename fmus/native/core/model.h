@@ -65,9 +65,9 @@ typedef struct {
     int model_exchange;             /* whether it serves model exchange, without continuous states and indicators */
     Model *(*create)(unsigned char *bytes, size_t length, char text[MODEL_TEXT_SIZE]);
     void (*reset)(Model *model);
-    void (*end_initialization)(Model *model);
     int (*step)(Model *model, double start, double end, char text[MODEL_TEXT_SIZE]);
-    void (*follow_event)(Model *model); /* this and the next four: NULL where nothing happens */
+    void (*end_initialization)(Model *model); /* this and the next five: NULL where nothing happens */
+    void (*follow_event)(Model *model);
     void (*accept_step)(Model *model);
     void (*settle)(Model *model);
     int (*unsettled)(Model *model);

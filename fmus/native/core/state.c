@@ -71,10 +71,6 @@ static void write_state(const Instance *instance, unsigned char *bytes) {
     memcpy(bytes, &header, sizeof header);
 }
 
-static int mode_exists(uint32_t mode) {
-    return mode > 0 && mode <= CONFIGURATION && (mode & (mode - 1)) == 0;
-}
-
 /* What is wrong with a serialised state of the given size; NULL if nothing is. It may be written to text. */
 static const char *state_fault(const Instance *instance, const unsigned char *bytes, size_t size,
                                char text[MODEL_TEXT_SIZE]) {
@@ -100,7 +96,8 @@ static const char *state_fault(const Instance *instance, const unsigned char *by
     if (damaged) {
         return "is damaged: its checksum is wrong";
     }
-    if (header.kind != (uint32_t)instance->kind || !mode_exists(header.mode)) {
+    const int is_mode = header.mode > 0 && header.mode <= CONFIGURATION && (header.mode & (header.mode - 1)) == 0;
+    if (header.kind != (uint32_t)instance->kind || !is_mode) {
         return "is that of another kind of instance";
     }
     if (!isfinite(double_at(bytes + sizeof header, 0))) {

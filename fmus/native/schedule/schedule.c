@@ -24,10 +24,6 @@ static int prepare(SystemModel *model, char text[MODEL_TEXT_SIZE]) {
     return STATUS_OK;
 }
 
-static void begin(SystemModel *model) {
-    (void)model;
-}
-
 static void outputs(SystemModel *model) {
     const size_t row = 1 + model->n_variables;
     const double *current = model->data;
@@ -45,4 +41,4 @@ static int step(SystemModel *model, double end, char text[MODEL_TEXT_SIZE]) {
     return STATUS_OK;
 }
 
-const Behaviour SCHEDULE = {prepare, begin, outputs, step};
+const Behaviour SCHEDULE = {prepare, NULL, outputs, step};

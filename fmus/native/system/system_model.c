@@ -128,10 +128,12 @@ void system_update(SystemModel *model) {
     if (!model->outdated) {
         return;
     }
-    if (is_before_steps(model)) {
+    if (is_before_steps(model) && model->behaviour->begin != NULL) {
         model->behaviour->begin(model);
     }
-    model->behaviour->outputs(model);
+    if (model->behaviour->outputs != NULL) {
+        model->behaviour->outputs(model);
+    }
     model->outdated = 0;
 }
 

@@ -18,9 +18,10 @@ typedef struct SystemModel SystemModel;
 typedef struct {
     /* Check the data, and set how many states and how much workspace the model has. */
     int (*prepare)(SystemModel *model, char text[MODEL_TEXT_SIZE]);
-    /* Set the states from start values and parameters. */
+    /* Set the states from start values and parameters; NULL for nothing. */
     void (*begin)(SystemModel *model);
-    /* Compute outputs from states and inputs; without inputs that changed, once more gives the same. */
+    /* Compute outputs from states and inputs; without inputs that changed, once more gives the same. NULL where they change in
+       steps alone. */
     void (*outputs)(SystemModel *model);
     /* Go on to `end` [s]; outputs are of the time before, then outdated. */
     int (*step)(SystemModel *model, double end, char text[MODEL_TEXT_SIZE]);

@@ -46,11 +46,6 @@ void model_set_time(Model *model, double time) {
     model->time = time;
 }
 
-/* Outputs are right at any time. */
-static void end_initialization(Model *model) {
-    (void)model;
-}
-
 /* Outputs are computed when they are read. They follow from inputs alone, outputs of the nonlinear estimator also from the
    flight state of the step before. */
 static int step(Model *model, double start, double end, char text[MODEL_TEXT_SIZE]) {
@@ -313,7 +308,6 @@ const ModelFacts MODEL = {
     .along_direction = along_direction,
     .create = create,
     .reset = reset,
-    .end_initialization = end_initialization,
     .step = step,
     .follow_event = follow_event,
     .accept_step = accept_step,

@@ -35,16 +35,16 @@ unsigned time_reference(const Estimator *e);
 /* What a result rests on: covariances, residuals and the gauges in use, of the last outputs of an estimator. */
 
 /* Fields of the fit of a result, as OUTPUT_FIELDS; behind them (n_gauges) standardised residuals, gauges in use, and suspects. */
-#define FIT_FIELDS(X)                                                                                                      \
-    X(LOAD_COVARIANCE, "load_covariance", N_LOADS * N_LOADS) /* (5, 5) about the moment point of the settings */           \
-    X(COEFFICIENT_COVARIANCE, "coefficient_covariance", N_LOADS * N_LOADS)    /* (5, 5) [1] */                             \
-    X(FITS, "fits", 1)                                                        /* whether strain and air data fit the map */ \
-    X(FLIGHT_STATE, "state", N_STATES)                               /* (4) M, u, w, ln p; NaN for linear maps, */         \
-    X(FLIGHT_STATE_COVARIANCE, "state_covariance", N_STATES * N_STATES) /* (4, 4) as the next */                           \
-    X(AIR_DATA_RESIDUAL, "air_data_residual", N_NAVIGATION)          /* (3) standardised: M, p, q */                       \
-    X(DISCREPANCY_CHI_SQUARE, "discrepancy_chi_square", 1)           /* of the discrepancy modes in the residual */        \
-    X(RESIDUAL_LIMIT, "residual_limit", 1)                           /* detection threshold of the largest |z| */          \
-    X(NOISE_LEFT, "noise_left", 1)                                   /* part of the variance of noise; 1 of a sample alone */
+#define FIT_FIELDS(X)                                                                                            \
+    X(LOAD_COVARIANCE, "load_covariance", N_LOADS * N_LOADS) /* (5, 5) about the moment point of the settings */ \
+    X(COEFFICIENT_COVARIANCE, "coefficient_covariance", N_LOADS * N_LOADS) /* (5, 5) [1] */                      \
+    X(FITS, "fits", 1) /* whether strain and air data fit the map */                                             \
+    X(FLIGHT_STATE, "state", N_STATES) /* (4) M, u, w, ln p; NaN for linear maps, */                             \
+    X(FLIGHT_STATE_COVARIANCE, "state_covariance", N_STATES * N_STATES) /* (4, 4) as the next */                 \
+    X(AIR_DATA_RESIDUAL, "air_data_residual", N_NAVIGATION) /* (3) standardised: M, p, q */                      \
+    X(DISCREPANCY_CHI_SQUARE, "discrepancy_chi_square", 1) /* of the discrepancy modes in the residual */        \
+    X(RESIDUAL_LIMIT, "residual_limit", 1) /* detection threshold of the largest |z| */                          \
+    X(NOISE_LEFT, "noise_left", 1) /* part of the variance of noise; 1 of a sample alone */
 enum { FIT_FIELDS(FIELD_PLACE) OF_GAUGES };
 
 /* Degrees of freedom of the chi-square of the outputs; 0 where nothing checks the estimate. */

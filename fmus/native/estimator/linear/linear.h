@@ -1,11 +1,9 @@
-/* The linear estimator. */
+/* The linear estimator: outputs of a sample, and the conditions that its health follows from. */
 
 #ifndef LINEAR_H
 #define LINEAR_H
 
 #include "../update/update.h"
-
-/* Loads, coefficients, limits and suspects of a step of a linear map. */
 
 /* What is known of the flow in a step. */
 typedef struct {
@@ -50,8 +48,6 @@ void linear_noise(const Linear *linear, const double *gauge_noise, double of_pre
 /* The same of loads and coefficients (n_loads) in addition to the five, whose outputs are set. */
 void linear_other_noise(const Linear *linear, const double *gauge_noise, double of_pressure, double *scratch,
                         double *of_loads, double *of_coefficients);
-
-/* The linear estimator: outputs of a sample, and the conditions that its health follows from. */
 
 /* Hand out the arrays; map, other_loads and wide are set. */
 void linear_arrays(Map *map, size_t n_strains, Linear *linear, Room *room);

@@ -167,12 +167,7 @@ void flight_weigh_full(FlightSolver *solver, size_t n_free) {
     for (size_t i = 0; i < n_free; i++) {
         memcpy(full->state_covariance + i * N_STATES, inverse + i * n_free, n_free * sizeof *inverse);
     }
-    for (size_t i = 0; i < N_STATES; i++) {
-        full->shift[i] = 0.0;
-        for (size_t j = 0; j < N_STATES; j++) {
-            full->shift[i] += full->state_covariance[i * N_STATES + j] * full->gradient[j];
-        }
-    }
+    small_times(N_STATES, full->state_covariance, full->gradient, full->shift);
 }
 
 /* x + step, shortened as a whole so that no state moves by more than its largest step, then brought back to where
@@ -220,12 +215,7 @@ static double part_of_step(const FlightSolver *solver, const double *step) {
 static void next_state(FlightSolver *solver, double *state) {
     double inverse[N_STATES * N_STATES], step[N_STATES];
     invert_small(N_STATES, solver->hessian, inverse);
-    for (size_t i = 0; i < N_STATES; i++) {
-        step[i] = 0.0;
-        for (size_t j = 0; j < N_STATES; j++) {
-            step[i] += inverse[i * N_STATES + j] * solver->gradient[j];
-        }
-    }
+    small_times(N_STATES, inverse, solver->gradient, step);
     const double part = part_of_step(solver, step);
     memcpy(solver->before, solver->state, sizeof solver->before);
     memcpy(solver->whole_step, step, sizeof step);

@@ -48,8 +48,6 @@ void response_arrays(const TableMap *map, Response *response, Room *room);
    CHOSEN. */
 void flight_response(const FlightTables *tables, int wide, const double *state, Response *response);
 
-/* Memory of the nonlinear solver, and the errors that its gauges have. */
-
 #define N_RIGHT (1 + N_STATES) /* residual, then the columns of its Jacobian */
 
 /* What is known of a sample. */
@@ -172,8 +170,6 @@ void flight_strain_covariance(FlightSolver *solver);
 
 /* The same of S with the considered errors, in solver->full.factor; solver->full.response has those with tables. */
 void flight_full_covariance(FlightSolver *solver);
-
-/* Loads of tables at a solution, corrected by strain: strainfmu/estimator/reference/nonlinear.py has the formulas. */
 
 /* Loads and coefficients of the solution, from its state and the problem about it; their covariances, and the state's, by
    the full model. */
@@ -350,8 +346,6 @@ void flight_measurement_row(double log_mach_slope, size_t which, double *row);
 
 /* A step from a state, not too long, and inside the reach of the tables. */
 void flight_limited(const FlightMap *map, const double *from, const double *step, double *state);
-
-/* Starts of the iterations where no last state is known: strainfmu/estimator/reference/nonlinear.py. */
 
 /* Solve for solver->sample from a search of the tables. Then the solution is in solver->solution. */
 void flight_solve_cold(FlightSolver *solver);

@@ -399,6 +399,15 @@ void invert_small(size_t order, const double *matrix, double *inverse) {
     }
 }
 
+void small_times(size_t order, const double *matrix, const double *x, double *out) {
+    for (size_t i = 0; i < order; i++) {
+        out[i] = 0.0;
+        for (size_t j = 0; j < order; j++) {
+            out[i] += matrix[i * order + j] * x[j];
+        }
+    }
+}
+
 double quadratic(size_t order, const double *x, const double *matrix, const double *y) {
     double sum = 0.0;
     for (size_t i = 0; i < order; i++) {

@@ -249,7 +249,8 @@ void lane_products(int wide, size_t n, const double *x, double products[N_TURNED
 /* The inverse (order, order) of a symmetric positive definite matrix of at most 5 rows, and its product with a vector. */
 void invert_small(size_t order, const double *matrix, double *inverse);
 
-/* x' M x of a symmetric matrix, and x' M y. */
+/* M x of a matrix by rows; x' M x of a symmetric matrix, and x' M y. */
+void small_times(size_t order, const double *matrix, const double *x, double *out);
 double quadratic(size_t order, const double *x, const double *matrix, const double *y);
 
 static inline double larger(double a, double b) {

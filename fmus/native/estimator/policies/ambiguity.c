@@ -127,12 +127,7 @@ static void look_aside(FlightSolver *solver, const double *state, const double *
     for (int iteration = 0; iteration < ASIDE_ITERATIONS; iteration++) {
         solver->iterations++;
         invert_inner(solver, inverse);
-        for (size_t i = 0; i < N_INNER; i++) {
-            step[i] = 0.0;
-            for (size_t j = 0; j < N_INNER; j++) {
-                step[i] += inverse[i * N_INNER + j] * solver->gradient[j];
-            }
-        }
+        small_times(N_INNER, inverse, solver->gradient, step);
         flight_limited(solver->map, solver->state, step, next);
         flight_linearise_anew(solver, next);
     }

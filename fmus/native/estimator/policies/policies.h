@@ -7,8 +7,6 @@
 #include "../nonlinear/nonlinear.h"
 #include "../filter/filter.h"
 
-/* What a solution says: loads, coefficients, air data, and the conditions that health follows from. */
-
 #define N_FLIGHT_REALS (2 * N_AIR_DATA) /* outputs: air data, then their standard deviations */
 #define NAVIGATION_USED N_AIR_DATA      /* flags: whether each of the air data is identified, then these */
 #define LINEAR_LOADS (N_AIR_DATA + N_NAVIGATION)
@@ -80,8 +78,6 @@ int flight_gauges_are_lost(const FlightSolver *solver);
 /* Add the differences to other solutions that fit as well to the covariances, or go over to one that
    fits better. Residuals of air data stay. */
 void flight_look_for_others(FlightSolver *solver);
-
-/* The nonlinear estimator: all of a sample, from the track of the last step. */
 
 /* Read the parts of the tables, if there are any, and allocate. 1; 0 after a message. inputs, output, linear and loads are
    set. */

@@ -215,8 +215,6 @@ void inputs_reset(Inputs *inputs);
    value: health reports those that make no sense. */
 int inputs_accept(const Inputs *inputs, size_t index, double value, char text[MODEL_TEXT_SIZE]);
 
-/* Readings. */
-
 /* Whether a gauge may be used: the caller trusts it, and its reading was set and is a number within its range, which is
    `range` [m/m] for strain. */
 unsigned char gauge_in_use(const Inputs *inputs, size_t gauge, double range);
@@ -284,21 +282,19 @@ typedef struct {
 /* Those of the inputs. An angle that is not known is 0 for the other one. */
 void measured_angles(const Inputs *inputs, MeasuredAngles *angles);
 
-/* What the estimator puts out for a sample: places of the outputs, states of health, coefficients of loads. */
-
 /* Fields of the outputs: the place of the first value, a name, the number of values. Places are the value references of FMI 2.0.
    Integers and the health state are whole numbers here too. */
-#define OUTPUT_FIELDS(X)                                                                                                  \
-    X(COEFFICIENTS, "coefficients", N_LOADS)         /* C_A, C_N, C_Y, M_P, M_Y [1] */                                    \
-    X(COEFFICIENTS_STD, "coefficients_std", N_LOADS) /* [1] */                                                            \
-    X(LOADS, "loads", N_LOADS)                       /* axial, normal, side force; pitching, yawing moment [N, N m] */    \
-    X(LOADS_STD, "loads_std", N_LOADS)               /* [N, N m] */                                                       \
-    X(HEALTH_STATE, "health", 1)                                                                                          \
-    X(CHI_SQUARE, "chi_square", 1)                   /* [1] */                                                            \
-    X(CHI_SQUARE_LIMIT, "chi_square_limit", 1)       /* [1] */                                                            \
-    X(VALID_GAUGES, "valid_gauges", 1)               /* number of gauges in use */                                        \
-    X(SUSPECT_GAUGE, "suspect_gauge", 1)             /* the first suspect, from 1; 0 for none */                          \
-    X(SUSPECTS, "suspects", 1)                       /* gauges that share the suspicion */                                \
+#define OUTPUT_FIELDS(X)                                                                                               \
+    X(COEFFICIENTS, "coefficients", N_LOADS)         /* C_A, C_N, C_Y, M_P, M_Y [1] */                                 \
+    X(COEFFICIENTS_STD, "coefficients_std", N_LOADS) /* [1] */                                                         \
+    X(LOADS, "loads", N_LOADS)                       /* axial, normal, side force; pitching, yawing moment [N, N m] */ \
+    X(LOADS_STD, "loads_std", N_LOADS)               /* [N, N m] */                                                    \
+    X(HEALTH_STATE, "health", 1)                                                                                       \
+    X(CHI_SQUARE, "chi_square", 1)                   /* [1] */                                                         \
+    X(CHI_SQUARE_LIMIT, "chi_square_limit", 1)       /* [1] */                                                         \
+    X(VALID_GAUGES, "valid_gauges", 1)               /* number of gauges in use */                                     \
+    X(SUSPECT_GAUGE, "suspect_gauge", 1)             /* the first suspect, from 1; 0 for none */                       \
+    X(SUSPECTS, "suspects", 1)                       /* gauges that share the suspicion */                             \
     X(ENVELOPE_SCORE, "envelope_score", 1)           /* [1] */
 #define FIELD_PLACE(place, name, count) place, place##_LAST = place + (count) - 1,
 enum { OUTPUT_FIELDS(FIELD_PLACE) N_OUTPUTS };

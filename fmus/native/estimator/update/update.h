@@ -256,8 +256,6 @@ double current_errors_add(Scaled *scaled, const double *base, double *covariance
 /* What they add to the variance of other load j. */
 double current_errors_of_other(const Scaled *scaled, size_t j);
 
-/* The step of a linear map: weights follow the dynamic pressure, errors the current strain. */
-
 /* Hand out the arrays. map, other_loads and wide are set. */
 void scaled_arrays(Scaled *scaled, Room *room);
 

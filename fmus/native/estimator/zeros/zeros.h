@@ -7,8 +7,6 @@
 
 #include "../map/map.h"
 
-/* The zeros that a window of readings gives, and what speaks against them. */
-
 #define LEAST_STRETCHES 16
 #define MAX_STRETCHES (2 * LEAST_STRETCHES)
 
