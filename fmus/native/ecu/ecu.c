@@ -351,7 +351,7 @@ static void send_status(Ecu *ecu, double time) {
     const double age = s->has_valid ? 1e3 * (time - s->last_ready + s->last_age) : NAN;
     value[S_AGE] = at_most(age, 4294967294.0);
     value[S_AGE_16] = at_most(age, 655340.0);
-    value[S_QUALITY] = s->has_last ? s->detail[D_QUALITY] : SB_NO_DATA;
+    value[S_QUALITY] = s->has_last ? s->detail[D_QUALITY] : (double)SB_NO_DATA;
     value[S_DRIFT] = NAN;
     value[S_SCORE] = s->has_last ? s->score : NAN;
     value[S_CONFIGURATION] = ecu->setup->configuration;

@@ -286,7 +286,7 @@ static int view(const SystemModel *model, Plant *plant) {
     const double *data = model->data;
     const size_t used = flight_model_take(&plant->flight, data + head, model->n_data - head);
     const size_t rest = model->n_data - head - used, n = plant->flight.n_gauges;
-    if (used == 0 || data[0] < FROM_INPUTS || data[0] > SHORT_PERIOD || data[1] < 0.0 || data[1] > 1e6) {
+    if (used == 0 || data[0] < (double)FROM_INPUTS || data[0] > (double)SHORT_PERIOD || data[1] < 0.0 || data[1] > 1e6) {
         return 0;
     }
     plant->motion = (int)data[0];

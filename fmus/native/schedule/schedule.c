@@ -15,7 +15,7 @@ static int prepare(SystemModel *model, char text[MODEL_TEXT_SIZE]) {
     }
     for (size_t k = 0; k < model->n_data; k++) {
         const size_t variable = k % row - 1;
-        if (k % row > 0 && model->type[variable] != REAL
+        if (k % row > 0 && model->type[variable] != (double)REAL
             && !(model->data[k] >= model->minimum[variable] && model->data[k] <= model->maximum[variable])) {
             snprintf(text, MODEL_TEXT_SIZE, "holds a schedule with a value that cannot be");
             return STATUS_ERROR;

@@ -66,9 +66,9 @@ static int accepts(const SystemModel *model, size_t variable, double value) {
 static int check_values(const SystemModel *model, char *text) {
     int good = 1;
     for (size_t i = 0; i < model->n_variables; i++) {
-        good = good && model->type[i] >= REAL && model->type[i] <= BOOLEAN && model->causality[i] >= OUTPUT
-            && model->causality[i] <= TUNABLE_PARAMETER && isfinite(model->start[i])
-            && (model->type[i] == REAL || (model->minimum[i] >= INT32_MIN && model->maximum[i] <= INT32_MAX))
+        good = good && model->type[i] >= (double)REAL && model->type[i] <= (double)BOOLEAN && model->causality[i] >= (double)OUTPUT
+            && model->causality[i] <= (double)TUNABLE_PARAMETER && isfinite(model->start[i])
+            && (model->type[i] == (double)REAL || (model->minimum[i] >= INT32_MIN && model->maximum[i] <= INT32_MAX))
             && accepts(model, i, model->start[i]);
     }
     for (size_t i = 0; i < model->n_data; i++) {
