@@ -37,8 +37,8 @@ def native(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def edit(native: Path) -> None:
     """Change the rule of health in the sources."""
     text = (native / HEALTH).read_text()
-    assert "ROWS" in text
-    (native / HEALTH).write_text(text.replace("ROWS", "TABLE"))
+    assert "STATES" in text
+    (native / HEALTH).write_text(text.replace("STATES", "TABLE"))
 
 
 def load() -> str:

@@ -18,6 +18,7 @@
 
 #include "floating.h"
 #include "resource.h"
+#include "uri_path.h"
 
 #define LINE_SIZE 1400
 #define PATH_SIZE 4096

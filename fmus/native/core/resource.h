@@ -12,11 +12,6 @@
 #define HEADER_SIZE 128
 #define CHECKSUM_AT 24 /* position of the checksum in the header */
 
-/* Write the path, in UTF-8, of the file called name in the folder location: a file URI (RFC 3986, RFC 8089) or, as
-   FMI 3.0 has it, a plain path. Return 1; 0 if the URI is malformed or of another scheme, if it holds a zero byte, or
-   if the path is longer than size. */
-int resource_path(const char *location, const char *name, char *path, size_t size);
-
 /* Read a whole file. Return its bytes, to be freed with free(), or NULL with a text that states what is wrong. */
 int resource_exists(const char *path);
 

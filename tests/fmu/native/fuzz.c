@@ -19,6 +19,7 @@
 #include "core/instance.h"
 #include "core/resource.h"
 #include "core/state.h"
+#include "core/uri_path.h"
 #include "estimator/estimator.h"
 #include "estimator/interface/strainload.h"
 
