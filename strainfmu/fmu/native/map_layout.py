@@ -104,7 +104,14 @@ def header() -> str:
     """Return the content of ``map_layout.h``."""
     groups = [(group, _arrays_of(group)) for group in GROUPS]
     symbols = ", ".join(["SYM_NONE", *(f"SYM_{_name(symbol)}" for symbol in _symbols(groups)), "N_SYMBOLS"])
-    lines = [*_OPENING.splitlines(), "", "enum {", *wrap(symbols, 120, initial_indent=" " * 4, subsequent_indent=" " * 4), "};", ""]
+    lines = [
+        *_OPENING.splitlines(),
+        "",
+        "enum {",
+        *wrap(symbols, 120, initial_indent=" " * 4, subsequent_indent=" " * 4),
+        "};",
+        "",
+    ]
     for group, arrays in groups:
         rows = [*map(_length_row, group.lengths), *map(_row, arrays)]
         lines += [
