@@ -1,8 +1,8 @@
 """The C sources of the estimator lie in layers: a file includes headers of its own layer and of those below.
 
 A module of ``core`` is a ``.c`` file with the header of its name, or either alone; every other folder is one
-module with one interface. A header declares what the files of its module define, so that an ``#include`` is the one
-way to another module's functions, and arrows between modules are those lines.
+module with one interface. A header declares what the files of its module define, so that an ``#include`` is the
+one way to another module's functions, and arrows between modules are those lines.
 """
 
 from __future__ import annotations
