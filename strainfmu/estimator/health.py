@@ -29,7 +29,7 @@ MISS_PROBABILITY = 0.01
 class HealthState(IntEnum):
     """State of an estimate. The numbers are an FMU's output and never change; states are added at the end.
 
-    ``sample/outputs.c`` of the compiled core has the order in which conditions count.
+    ``sample/health.c`` of the compiled core has the order in which conditions count.
     """
 
     OK = 0

@@ -21,7 +21,7 @@ ROWS = re.findall(r"^    X\(([A-Z_]+), ([A-Z_]+)\)", OUTPUTS, re.MULTILINE)
 
 def test_names_are_those_of_python() -> None:
     states = [state.name for state in HealthState]
-    names = re.search(r"HEALTH_NAMES\[\] = \{([^}]*)\}", (ESTIMATOR / "sample" / "outputs.c").read_text("utf-8"))
+    names = re.search(r"HEALTH_NAMES\[\] = \{([^}]*)\}", (ESTIMATOR / "sample" / "health.c").read_text("utf-8"))
     numbers = re.search(r"enum \{ (OK, [^}]*) \}", OUTPUTS)
     assert names is not None
     assert numbers is not None

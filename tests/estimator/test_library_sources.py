@@ -17,7 +17,7 @@ from strainfmu.estimator.library_sources import LIBRARIES, MARK, NoCoreError, li
 from strainfmu.fmu.native import package
 from strainfmu.fmu.native.build import NATIVE, PLATFORMS, library_file
 
-HEALTH, SOUND = "estimator/sample/outputs.c", "return OK;"
+HEALTH, SOUND = "estimator/sample/health.c", "return OK;"
 REFUSED = (
     rf"^fmus/native/binaries/{this_platform()}/estimator: expected a library of the C sources in fmus/native,"
     rf" got one of other sources; build it: python -m strainfmu\.fmu\.native\.build {this_platform()}$"

@@ -302,7 +302,7 @@ enum { OUTPUT_FIELDS(FIELD_PLACE) N_OUTPUTS };
 /* States of health: strainfmu/estimator/health.py. */
 enum { OK, INCONSISTENT, NO_COEFFICIENTS, INVALID, DEGRADED, UNIDENTIFIED, SUSPECT, OUTSIDE };
 
-/* What may hold of a sample, as bits, and the state of health that each one means; the first one that holds counts: outputs.c.
+/* What may hold of a sample, as bits, and the state of health that each one means; the first one that holds counts: health.c.
    Estimators set the bits. */
 #define CONDITIONS(X) \
     X(NO_GAUGE, INVALID)                 /* no gauge gives a strain */                                                 \
