@@ -37,7 +37,6 @@ from strainfmu.can.options import PUBLISH_RATE, BridgeOptions
 from strainfmu.can.profiles import BRIDGE, profile_layout
 from strainfmu.can.quality import Quality
 from strainfmu.can.recording import MicrosecondClock, Recorder
-from strainfmu.can.result_frames import ResultFrames
 from strainfmu.can.setup import all_layouts, make_machine
 from strainfmu.cli.commands.can_bus import PERCENTILES
 from strainfmu.cosim.estimators.step import ENVELOPE_SCORE
@@ -164,18 +163,18 @@ def _through_core(fmu: Path, flight: BenchFlight, n_cycles: int, recorder: Recor
                 for frame in frames:
                     core.receive(frame)
             return (time.process_time() - begin) / n_cycles
-        composer = ResultFrames(layouts, configuration)
+        core.compose(layouts, configuration)
+        core.log_to(recorder.queue)
         publisher = Publisher(
             ("127.0.0.1", 9), gauge_positions(fmu), rate=PUBLISH_RATE, account=lambda: core.account
         )
         begin = time.process_time()
         for frames in cycles:
             for frame in frames:
-                recorder.received(frame)
                 for result in core.receive(frame):
-                    for answer in composer.of_result(result):
+                    for answer in result.frames:
                         answer.time = result.time
-                        recorder.sent(answer)
+                        recorder.queue.put(answer, False)
                     publisher.result(result)
         recorder.close()
         spent = time.process_time() - begin

@@ -116,7 +116,7 @@ EXTENDED_FLAG = 1 << 31
 FD_LENGTHS = (0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64)
 """Possible numbers of data bytes of a CAN FD frame (ISO 11898-1)."""
 
-_LARGEST_IDENTIFIER = (1 << 29) - 1
+LARGEST_IDENTIFIER = (1 << 29) - 1
 
 
 class MalformedFrame(StrainfmuError, ValueError):
@@ -178,8 +178,8 @@ def from_message(message: Any, time: float) -> Frame:
         come in a datagram.
     """
     identifier, data = message.arbitration_id, message.data
-    if not isinstance(identifier, int) or not 0 <= identifier <= _LARGEST_IDENTIFIER:
-        raise MalformedFrame(f"identifier {identifier!r} found, 0 to 0x{_LARGEST_IDENTIFIER:X} allowed")
+    if not isinstance(identifier, int) or not 0 <= identifier <= LARGEST_IDENTIFIER:
+        raise MalformedFrame(f"identifier {identifier!r} found, 0 to 0x{LARGEST_IDENTIFIER:X} allowed")
     if not isinstance(data, bytes | bytearray) or len(data) > FD_LENGTHS[-1]:
         raise MalformedFrame(
             f"frame 0x{identifier:X}: expected up to {FD_LENGTHS[-1]} bytes, got {str(data)[:40]}"

@@ -12,11 +12,12 @@ from dataclasses import dataclass, field
 from math import isfinite, nan
 from typing import Any
 
-from strainfmu.can.frame import Frame, MalformedFrame, error_line, from_message, import_can, to_message
+from strainfmu.can.frame import Frame, MalformedFrame, error_line, import_can, to_message
 from strainfmu.can.frame_layout import FrameLayout
+from strainfmu.can.frame_queue import FrameQueue
 from strainfmu.can.machine import Machine, Result
 from strainfmu.can.quality import FrameAccount, Quality
-from strainfmu.can.result_frames import STATUS_PERIOD, BridgeStatus, ResultFrames
+from strainfmu.can.result_frames import STATUS_PERIOD
 
 Clock = Callable[[], float]
 """Returns seconds that never go back."""
@@ -30,7 +31,6 @@ _LONGEST_WAIT = 60.0
 FAILURES_IN_A_ROW = 20
 """Failed transmissions in a row after which the bus counts as broken."""
 
-_GOOD = (Quality.VALID, Quality.UNPROTECTED)
 _LATENCIES = 200_000
 """Number of latencies kept for the percentiles, the latest ones."""
 
@@ -41,14 +41,12 @@ class Taps:
 
     Attributes
     ----------
-    on_received, on_sent : called with every frame and its time, in the order of their times; a sent one that comes
-        back is not received once more.
+    queue : takes in every frame; a sent one that comes back is not received once more.
     on_result : called with every result after it was sent.
     """
 
     clock: Clock = time.monotonic
-    on_received: Callable[[Frame], None] | None = None
-    on_sent: Callable[[Frame], None] | None = None
+    queue: FrameQueue | None = None
     on_result: Callable[[Result], None] | None = None
 
 
@@ -123,15 +121,16 @@ class BusListener:
         taps: Taps | None = None,
     ) -> None:
         self.machine, self.taps = machine, taps or Taps()
-        first = int(machine.plan.record["first_result"][0])
-        self._frames, self._clock = ResultFrames(result_layouts, configuration, first), self.taps.clock
+        self._clock = self.taps.clock
+        machine.compose(result_layouts, configuration)
+        if self.taps.queue is not None:
+            machine.log_to(self.taps.queue)
         self._bus: Any = None
         self._is_stamped = False
         self.known = self._clock()
         """A time that no later frame precedes [s]."""
         self.summary, self.answered = BridgeSummary(), 0
         self.last: Result | None = None
-        self._last_valid: Result | None = None
         self._failed_in_a_row, self.failure, self.is_broken = 0, "", False
         self.next_status = self._clock()
 
@@ -155,15 +154,10 @@ class BusListener:
             when = round(1e6 * (now - waited)) / 1e6 if 0.0 < waited < _LONGEST_WAIT else now
         self.known = when = when if when > self.known else self.known
         try:
-            frame = from_message(message, when)
+            results = self.machine.hear(message, when)
         except MalformedFrame as error:
             self.count_malformed(error)
             return
-        machine, tap = self.machine, self.taps.on_received
-        returned = machine.own.returned
-        results = machine.receive(frame)
-        if tap is not None and machine.own.returned == returned:
-            tap(frame)
         if results:
             self._publish(results)
 
@@ -186,11 +180,9 @@ class BusListener:
         """Send results, then count them and pass them on."""
         self.answered += len(results)
         for result in results:
-            sent = self._send(self._frames.of_result(result))
+            sent = self._send(result.frames)
             self.summary.add(result)
             self.last = result
-            if result.quality in _GOOD:
-                self._last_valid = result
             if result.arrival == result.arrival:
                 self.summary.latency.append(sent - result.arrival)
             if self.taps.on_result is not None:
@@ -198,17 +190,7 @@ class BusListener:
 
     def send_status(self, now: float) -> None:
         """Send the state of the bridge at ``now`` [s]."""
-        status = BridgeStatus(
-            time=now,
-            bus_state=self.machine.bus_state,
-            last=self.last,
-            last_valid=self._last_valid,
-            account=self.account,
-            cycles=self.answered,
-            send_failures=self.summary.send_failures,
-            reconnects=self.summary.reconnects,
-        )
-        self._send(self._frames.of_status(status))
+        self._send(self.machine.status_frames(now, self.summary.send_failures, self.summary.reconnects))
         # Without catching up: a late status is useless.
         self.next_status = max(self.next_status + STATUS_PERIOD, now)
 
@@ -218,7 +200,7 @@ class BusListener:
         Return the time then [s].
         """
         now = nan
-        sending, tap = self.machine.own.sending, self.taps.on_sent
+        sending, queue = self.machine.own.sending, self.taps.queue
         for frame in () if self._bus is None else frames:
             sending(frame)  # it may come back before the call returns
             try:
@@ -232,11 +214,6 @@ class BusListener:
             self._failed_in_a_row = 0
             self.summary.sent += 1
             frame.time = now = self._clock()
-            if tap is not None:
-                tap(frame)
+            if queue is not None:
+                queue.put(frame, False)
         return now if now == now else self._clock()
-
-    @property
-    def account(self) -> FrameAccount:
-        """The frames so far."""
-        return self.machine.account

@@ -10,18 +10,20 @@ from __future__ import annotations
 import ctypes
 import struct
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from math import isfinite, nan
+from itertools import product
+from math import inf, isfinite, nan
 from typing import Any
 
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.can.authentic import Authentication, Authenticity
-from strainfmu.can.frame import EXTENDED_FLAG, Frame
-from strainfmu.can.frame_layout import ALTITUDE, DYNAMIC_PRESSURE, MACH_NUMBER, NAVIGATION, InputLayout
+from strainfmu.can.frame import EXTENDED_FLAG, FD_LENGTHS, LARGEST_IDENTIFIER, Frame, from_message
+from strainfmu.can.frame_layout import DYNAMIC_PRESSURE, NAVIGATION, FrameLayout, InputLayout
+from strainfmu.can.frame_queue import HEAD, IS_ERROR, FrameQueue, flags_of
 from strainfmu.can.options import BridgeSettings
 from strainfmu.can.plan import Plan
 from strainfmu.can.profiles import LARGEST_DYNAMIC_PRESSURE
@@ -37,7 +39,10 @@ from strainfmu.can.quality import (
     account_of,
     state_after,
 )
-from strainfmu.can.signals import ACCOUNT, PLACES, RESULT, functions, pointer
+from strainfmu.can.result_frames import FIRST_OTHER, OF_DETAIL, OF_RESULT, OF_STATUS, ResultFrames, output_names
+from strainfmu.can.signals import ACCOUNT, BRIDGE, LOGGED, PLACES, RESULT, functions, pointer
+from strainfmu.cosim.estimators.exchange import Record
+from strainfmu.cosim.estimators.fmu_step import FmuStep
 from strainfmu.cosim.estimators.step import (
     ENVELOPE_SCORE,
     Step,
@@ -49,12 +54,21 @@ from strainfmu.cosim.estimators.step import (
     takes_mask,
 )
 from strainfmu.errors import InputError
-from strainfmu.estimator.health import HealthState
+from strainfmu.estimator.core import library as library_of_estimator
 
-_TAKEN, _READY, _AGAIN, _AUTHENTICATE = range(4)
-"""What a frame brings, in the order of bus.h."""
+_TAKEN, _READY, _AGAIN, _AUTHENTICATE, _OTHER = range(5)
+"""What a frame brings, in the order of bus.h and bridge.h."""
 
-_FD = 1
+_KINDS = {
+    flags: ((EXTENDED_FLAG if flags[0] else 0), sum(flag << place for place, flag in enumerate(flags[1:])))
+    for flags in product((False, True), repeat=5)
+}
+"""Flag of the key and flags in the queue, by what python-can says of a message."""
+
+_LONGEST = FD_LENGTHS[-1]
+_ALONE, _WITH_DETAILS = (OF_RESULT,), (OF_RESULT, OF_DETAIL)
+_OWN = NUMBER_OF[FrameClass.OWN]
+
 _VERDICTS = {Authenticity.AUTHENTIC: 2, Authenticity.FORGED: 4, Authenticity.NOT_FRESH: 8}
 """Flags of bus.h."""
 
@@ -62,8 +76,6 @@ _KEPT_STALLS = 10_000
 
 _LONGEST_STEP = 100
 """Maximum number of cycles in one step of the estimator."""
-
-_NO_COEFFICIENTS = int(HealthState.NO_COEFFICIENTS)
 
 _REMEMBERED = 200
 """Sent frames of an identifier that may still come back: fewer than their counter has values."""
@@ -98,6 +110,7 @@ class Result:
     arrival : of the last frame of the cycle [s], NaN of a status without frames.
     gap : how long nothing came, of the one result of a gap in a log [s]; NaN of all others.
     other_outputs : other outputs of the estimator that were asked for, by name; none without an estimate.
+    frames : that state it on the bus, where the machine composes any.
     """
 
     time: float
@@ -123,10 +136,20 @@ class Result:
     arrival: float = nan
     gap: float = nan
     other_outputs: Mapping[str, float] = field(default_factory=dict)
+    frames: Sequence[Frame] = ()
+    later: Callable[[Result], None] | None = None
+    """Sets what is not set yet: few results are looked at in every part."""
 
     def __post_init__(self) -> None:
         if not len(self.reasons):
             self.reasons = np.zeros(len(self.strain), dtype=np.uint8)
+
+    def __getattr__(self, name: str) -> Any:
+        if name not in _SET_LATER or self.later is None:
+            raise AttributeError(name)
+        later, self.later = self.later, None
+        later(self)
+        return getattr(self, name)
 
     @property
     def envelope_score(self) -> float:
@@ -136,6 +159,11 @@ class Result:
     def gauge_reasons(self) -> list[str]:
         """Return why each gauge is not used, in words; "" for those that are."""
         return [REASONS[reason] for reason in self.reasons.tolist()]
+
+
+_SET_LATER = frozenset(
+    ("valid", "strain", "reasons", "other_inputs", "coefficients", "coefficients_std", "other_outputs")
+)
 
 
 class OwnFrames:
@@ -161,11 +189,11 @@ class OwnFrames:
         """Remember a frame that is about to be sent."""
         self._sent[frame.key].append(frame.data)
 
-    def comes_back(self, frame: Frame) -> bool:
+    def comes_back(self, key: int, data: bytes) -> bool:
         """Return whether a received frame with one of the keys is one that was sent."""
         if not self.by_identifier:
             try:
-                self._sent[frame.key].remove(frame.data)
+                self._sent[key].remove(data)
             except ValueError:
                 return False
         self.returned += 1
@@ -227,7 +255,7 @@ class Machine:
         if layout.is_authenticated and layout.key is not None:
             self.authentication = Authentication([frame.layout.secured for frame in plan.frames], layout.key)
         self._now, self._step = now, _Stepper(step, layout.cycle_time)
-        self._needs_pressure, self._constants = needs_pressure(step), dict(layout.constants)
+        self._constants = dict(layout.constants)
         self._state = np.zeros(library.sb_size(pointer(plan.record)) // 8 + 1)
         self._at = pointer(plan.record), pointer(self._state)
         library.sb_begin(*self._at, ctypes.c_double(start))
@@ -243,22 +271,30 @@ class Machine:
         self._result = partial(fields.unpack_from, part(PLACES["result"], np.uint8, RESULT.itemsize).data)
         self._account = part(PLACES["account"], ACCOUNT, 1)
         self._flow, self._strain = part(parts[3], np.float64, n_flow), part(parts[4], np.float64, n)
-        self._valid, self._reason = part(parts[5], np.bool_, n), part(parts[6], np.uint8, n)
+        self._valid = part(parts[5], np.bool_, n)
+        self._parts, self._flow_numbers = bytes_of[parts[3] : parts[7]].data, self._flow.data
+        kinds = zip((np.float64, np.float64, np.bool_, np.uint8), (n_flow, n, n, n), parts[3:7], strict=True)
+        self._places = [(kind, count, place - parts[3]) for kind, count, place in kinds]
+        where, given = {name: place for place, name in enumerate(plan.quantities)}, dict(layout.constants)
+        self._navigation = [(where.get(name), given.get(name, nan)) for name in NAVIGATION]
         # Deadline of the open cycle, time of the next result of silence, measured period [s].
         self._times: Any = self._state[:3].data
         self._flags = bytes_of[24:32].view(np.int32)  # the period is wrong; cycles are skipped
         self._time = ctypes.c_double()
         self._at_time = ctypes.byref(self._time)
-        self._take, self._due, self._answer = library.sb_take, library.sb_due, library.sb_answer
+        self._hear, self._due = library.sb_hear, library.sb_due
+        self._conclude, self._compose = library.sb_conclude, library.sb_compose
+        self._compose_status = library.sb_compose_status
+        # The call of another's code lets other threads run.
+        self._estimate = library_of_estimator().sb_estimate
+        self._composed: ResultFrames | None = None
+        self._queue: FrameQueue | None = None
         self._library, self._slots = library, plan.slots
-        self._every = np.ones(n, dtype=bool)
-        self._every.setflags(write=False)
+        self._causes = part(PLACES["result"], RESULT, 1)["causes"].data
+        self._join(step)
         self._unknown: dict[int, int] = {}
-        self.heard = set[int]()
-        """First slots of the identifiers that have come."""
         self.stalls: list[tuple[float, float]] = []
         """Times without a call, whose status results were passed over: when the first was due; the call [s]."""
-        self._fixed = nan if plan.dynamic_pressure is None else plan.dynamic_pressure
         self.on_cycle: Callable[[Result, float, int], Cause] | None = None
         """Called with a result, the q_inf that the bus states [Pa] and the number of the last command (-1 for
         none), before the result is published; returns causes for it."""
@@ -267,27 +303,58 @@ class Machine:
 
     def receive(self, frame: Frame) -> list[Result]:
         """Take in one frame; return the results that are ready with it, in order."""
-        arrival, data, times = frame.time, frame.data, self._times
-        slot = self._slots.get(frame.key)
-        results = self.advance(arrival) if times[0] <= arrival or times[1] <= arrival else []
-        if slot is None or frame.is_error or frame.is_remote:
-            self._refuse(frame)
-            return results
-        self.heard.add(slot)
-        time, flags = self._time, _FD if frame.is_fd else 0
-        time.value = arrival
+        HEAD.pack_into(self._heard, 0, frame.time, frame.key, len(frame.data), flags_of(frame), 1, 0)
+        return self._offer(frame.time, frame.data, frame)
+
+    def hear(self, message: Any, time: float) -> list[Result]:
+        """Take in python-can's ``message`` that came at ``time`` [s]; return as :meth:`receive`.
+
+        Raises MalformedFrame.
+        """
+        try:
+            wide, flags = _KINDS[
+                message.is_extended_id,
+                message.is_fd,
+                message.bitrate_switch,
+                message.is_error_frame,
+                message.is_remote_frame,
+            ]
+            identifier, data = message.arbitration_id, message.data
+            if (
+                data.__class__ is not bytearray
+                or len(data) > _LONGEST
+                or not 0 <= identifier <= LARGEST_IDENTIFIER
+            ):
+                return self.receive(from_message(message, time))
+            HEAD.pack_into(self._heard, 0, time, identifier | wide, len(data), flags, 1, 0)
+        except (KeyError, TypeError, struct.error):
+            return self.receive(from_message(message, time))
+        return self._offer(time, bytes(data), message)
+
+    def _offer(self, time: float, data: bytes, source: Any) -> list[Result]:
+        """Offer compiled code the frame that was heard, ``source`` before; return the results."""
+        times = self._times
+        results = self.advance(time) if times[0] <= time or times[1] <= time else []
         while True:
-            event = self._take(*self._at, slot, self._at_time, data, len(data), flags)
+            event = self._hear(self._at_bridge, data)
             if event == _TAKEN:
+                return results
+            if event == _OTHER:
+                _, key, _, flags, *_ = HEAD.unpack_from(self._heard)
+                if key in self.own.keys and not flags & IS_ERROR and self.own.comes_back(key, data):
+                    self._library.sb_count(self._at[1], _OWN, ctypes.c_double(time))
+                    return results
+                self._refuse(source if isinstance(source, Frame) else from_message(source, time))
                 return results
             if event == _AUTHENTICATE:
                 assert self.authentication is not None
-                flags |= _VERDICTS[self.authentication.check(slot, data)]
+                head = HEAD.unpack_from(self._heard)
+                verdict = _VERDICTS[self.authentication.check(self._slots[head[1]], data)]
+                HEAD.pack_into(self._heard, 0, *head[:-1], verdict)
                 continue
             self._publish(results)
             if event == _READY:
                 return results
-            time.value = arrival
 
     def advance(self, now: float) -> list[Result]:
         """Return the results due by ``now`` [s]: of cycles at their deadline, and of silence."""
@@ -362,8 +429,9 @@ class Machine:
             names.setdefault(self._slots[frame_layout.key], []).append(
                 f"0x{frame_layout.identifier:X} {frame_layout.name}"
             )
-        heard = sum(len(frame_names) for slot, frame_names in names.items() if slot in self.heard)
-        missing = [name for slot, frame_names in names.items() if slot not in self.heard for name in frame_names]
+        came = {slot for slot, has_come in zip(self._slots.values(), self._came.tolist(), strict=True) if has_come}
+        heard = sum(len(frame_names) for slot, frame_names in names.items() if slot in came)
+        missing = [name for slot, frame_names in names.items() if slot not in came for name in frame_names]
         return f"expected frames: {heard} heard; never heard: {', '.join(missing) or 'none'}"
 
     # --- one frame, one result -----------------------------------------------------------------------------------
@@ -377,9 +445,8 @@ class Machine:
             if self.bus_state is not BusState.ERROR_ACTIVE:
                 self.note(Cause.BUS)
         elif key in self.own.keys:
-            kind = FrameClass.OWN if self.own.comes_back(frame) else FrameClass.SECOND_BRIDGE
-            if kind is FrameClass.SECOND_BRIDGE:
-                self._library.sb_note_bridge(self._at[1], ctypes.c_double(time + self.plan.bridge_alarm))
+            kind = FrameClass.SECOND_BRIDGE
+            self._library.sb_note_bridge(self._at[1], ctypes.c_double(time + self.plan.bridge_alarm))
         elif key in self._slots:
             kind = FrameClass.REMOTE_FRAME
         elif key ^ EXTENDED_FLAG in self._slots:
@@ -389,46 +456,152 @@ class Machine:
             if key in self._unknown or len(self._unknown) < LISTED_IDENTIFIERS:
                 self._unknown[key] = self._unknown.get(key, 0) + 1
         self._library.sb_count(self._at[1], NUMBER_OF[kind], ctypes.c_double(time))
+        if self._queue is not None:
+            self._queue.put(frame, True)
+
+    def _join(self, step: Step) -> None:
+        """Let compiled code judge what the estimator makes of a cycle; an FMU it steps by itself."""
+        self._fmu = step if isinstance(step, FmuStep) else None
+        self._bridge, quantities = Record(BRIDGE), self.plan.quantities
+        places = np.full(len(quantities) + 1, -1, dtype=np.int32)
+        self._output_names: Sequence[str] = (ENVELOPE_SCORE,)
+        if (fmu := self._fmu) is not None:
+            self._output_names = fmu.other_outputs
+            given = dict.fromkeys(NAVIGATION, nan) | self._constants | dict.fromkeys(quantities, nan)
+            for name in fmu.other_inputs:
+                fmu.inputs[fmu.places[name]] = given.get(name, fmu.inputs[fmu.places[name]])
+            places[:-1] = [fmu.places[name] if name in fmu.other_inputs else -1 for name in quantities]
+        keys = np.array([*self._slots], dtype=np.uint32)
+        self._came, heard = np.zeros(len(keys), dtype=bool), np.zeros(1, dtype=LOGGED)
+        self._heard = heard.view(np.uint8).data
+        self._bridge.set(
+            plan=self.plan.record,
+            state=self._state,
+            place=places,
+            key=keys,
+            slot=np.array([*self._slots.values()], dtype=np.int32),
+            has_come=self._came,
+            heard=heard,
+        )
+        record, number = self._bridge.record, self._bridge.numbers
+        record["last_step"], record["needs_pressure"], record["score"] = nan, needs_pressure(step), -1
+        record["n_keys"] = len(keys)
+        self._at_bridge = pointer(record)
+        self._pressure = number("pressure", "f8")
+        self._is_stepped, self._n_used = number("is_stepped", "i4"), number("n_gauges", "i4")
+        self._use_outputs()
+
+    def _use_outputs(self) -> None:
+        """Tell compiled code where the outputs are: of an FMU, whose instance may be new, or of Python."""
+        record, fmu = self._bridge.record, self._fmu
+        self._output = np.zeros(FIRST_OTHER + len(self._output_names) + 1) if fmu is None else fmu.outputs
+        self._output_numbers = self._output.data
+        self._bridge.set(output=self._output)
+        record["n_outputs"] = len(self._output)
+        if fmu is not None:
+            self._bridge.set(estimator=fmu.exchange.record)
+            record["mask"] = fmu.first_mask % len(fmu.inputs)
+
+    def log_to(self, queue: FrameQueue) -> None:
+        """Have every received frame but own ones wait in ``queue``."""
+        self._queue = queue
+        self._bridge.set(queue=queue.record)
+
+    def compose(self, layouts: Sequence[FrameLayout], configuration: int) -> None:
+        """Have the frames of every result composed with it; ``configuration`` as in the frames, 0 for none."""
+        if self._fmu is None:
+            self._output_names = output_names(layouts)
+            self._use_outputs()
+        first = int(self.plan.record["first_result"][0])
+        self._composed = ResultFrames(self._bridge, layouts, configuration, first, self._output_names)
+
+    def status_frames(self, now: float, send_failures: int, reconnects: int) -> list[Frame]:
+        """Return the frames of the bridge's status [s], and the details of the last result."""
+        record, self._time.value = self._bridge.record, now
+        record["bus_state"], record["send_failures"], record["reconnects"] = (
+            self.bus_state,
+            send_failures,
+            reconnects,
+        )
+        return self._frames(self._compose_status, self._at_time, kinds=(OF_STATUS, OF_DETAIL))
 
     def _publish(self, results: list[Result]) -> None:
         """Have the estimator answer the result that is ready; add it to ``results`` unless it is held back."""
-        time, arrival, _, _, _, stated, sample_time, counter, silent, n_used, *_, request = self._result()
-        strain, reasons = self._strain.copy(), self._reason.copy()
-        valid = self._every if n_used == len(strain) else self._valid.copy()
-        known = dict(zip(self.plan.quantities, self._flow.tolist(), strict=True)) | self._constants
-        on_bus = known.pop(DYNAMIC_PRESSURE, nan)
-        pressure = on_bus if self._fixed != self._fixed else self._fixed
-        navigation = {name: known.pop(name, nan) for name in NAVIGATION}
-        step, is_finite, health = None, False, -1
-        if n_used:
-            step = self._step(strain, pressure, navigation, known, valid, time)
-        if step is not None:
-            health = _NO_COEFFICIENTS if self._needs_pressure and pressure != pressure else step.health
-            is_finite = _is_finite(step)
-        self._time.value = time if self._now is None else max(self._now(), time)
-        is_sent = self._answer(*self._at, self._at_time, health, is_finite)
-        time, arrival, age, uncertainty, lag, *_, causes, quality, usable, _ = self._result()
+        step: Any = None
+        if failed := self._estimate(self._at_bridge):
+            assert self._fmu is not None
+            self._fmu.failed(failed)
+            self._use_outputs()
+        elif self._fmu is None and self._n_used[0]:
+            known, navigation = self._split(self._flow)
+            strain, valid = self._strain.copy(), self._valid.copy()
+            step = self._step(strain, self._pressure[0], navigation, known, valid, self._result()[0])
+            self._give_outputs(step)
+        self._time.value = -inf if self._now is None else self._now()
+        is_sent = self._conclude(self._at_bridge, self._at_time)
+        time, arrival, age, uncertainty, lag, stated, sample_time, counter, silent, *verdict = self._result()
+        _, causes, quality, usable, request = verdict
         result = _new(Result)
-        result.time, result.quality = time, _QUALITIES[quality]
+        result.time, result.quality, result.usable = time, _QUALITIES[quality], usable != 0
         result.causes = Cause(causes) if causes else Cause.NONE
-        result.usable, result.valid, result.strain, result.reasons = usable != 0, valid, strain, reasons
-        result.dynamic_pressure = pressure if not silent else nan
-        result.mach_number, result.altitude = navigation[MACH_NUMBER], navigation[ALTITUDE]
-        result.other_inputs, result.gap = known, nan
+        result.dynamic_pressure, result.gap = self._pressure[0] if not silent else nan, nan
+        result.mach_number, result.altitude = (
+            value if place is None else self._flow_numbers[place] for place, value in self._navigation
+        )
         result.age, result.age_uncertainty, result.held, result.arrival = age, uncertainty, lag, arrival
         result.sample_time = None if sample_time < 0 else sample_time
         result.counter = None if counter < 0 else counter
-        result.chi_square, result.health, result.other_outputs = nan, None, {}
-        result.coefficients = result.coefficients_std = _NOTHING
-        if step is not None:
-            result.chi_square, result.health = step.chi_square, step.health
-            result.other_outputs = step.other_outputs
-            if result.quality.has_coefficients:
-                result.coefficients, result.coefficients_std = step.coefficients, step.coefficients_std
+        result.chi_square, result.health, result.frames, outputs = nan, None, (), None
+        if self._is_stepped[0]:
+            outputs = bytearray(self._output_numbers)
+            result.chi_square, result.health = self._output_numbers[FIRST_OTHER - 1], int(self._output_numbers[-1])
+        result.later = partial(self._complete, bytearray(self._parts), outputs, step)
         if self.on_cycle is not None and not silent:
             result.causes |= self.on_cycle(result, stated, request)
+            self._causes[0] = int(result.causes)
         if is_sent:
+            result.frames = self._frames(self._compose, kinds=_WITH_DETAILS if result.causes >> 16 else _ALONE)
             results.append(result)
+
+    def _split(self, flow: FloatArray) -> tuple[dict[str, float], dict[str, float]]:
+        """Return the inputs of the estimator by name, and those of navigation."""
+        known = dict(zip(self.plan.quantities, flow.tolist(), strict=True)) | self._constants
+        known.pop(DYNAMIC_PRESSURE, nan)
+        return known, {name: known.pop(name, nan) for name in NAVIGATION}
+
+    def _complete(self, parts: bytearray, outputs: bytearray | None, step: Any, result: Result) -> None:
+        """Set the rest of a result, from the ``parts`` of the machine and the estimator's ``outputs`` then."""
+        arrays: list[Any] = [np.frombuffer(parts, kind, count, place) for kind, count, place in self._places]
+        flow, result.strain, result.valid, result.reasons = arrays
+        result.other_inputs, _ = self._split(flow)
+        result.coefficients, result.coefficients_std, result.other_outputs = _NOTHING, _NOTHING, {}
+        if outputs is not None:
+            values = np.frombuffer(outputs)
+            named = zip(self._output_names, values[FIRST_OTHER:-1].tolist(), strict=True)
+            result.other_outputs = dict(named) if step is None else step.other_outputs
+            if result.quality.has_coefficients:
+                result.coefficients, result.coefficients_std = values[:5], values[5:10]
+
+    def _give_outputs(self, step: Any) -> None:
+        """Give compiled code what the estimator in Python made of a cycle, None for nothing."""
+        self._is_stepped[0] = step is not None
+        if step is not None:
+            output = self._output
+            output[:5], output[5:10], output[10], output[-1] = (
+                step.coefficients,
+                step.coefficients_std,
+                step.chi_square,
+                step.health,
+            )
+            output[FIRST_OTHER:-1] = [step.other_outputs.get(name, nan) for name in self._output_names]
+
+    def _frames(self, compose: Callable[..., int], *now: Any, kinds: Iterable[int]) -> list[Frame]:
+        """Return the frames of these kinds, which compiled code composes."""
+        if self._composed is None:
+            return []
+        if compose(self._at_bridge, *now) >= 0:
+            raise InputError("results: expected values that their frames can hold, got others")
+        return [frame.with_data(bytes(data)) for kind in kinds for frame, data in self._composed.of_kind[kind]]
 
 
 _new = object.__new__
@@ -451,11 +624,6 @@ def _check_input(
         )
     if layout.is_authenticated and layout.key is None:
         raise InputError(f"{layout.name}: frames are authenticated, and no key is given: state it as input.key")
-
-
-def _is_finite(step: Any) -> bool:
-    """Return whether coefficients and their standard deviations are finite."""
-    return all(map(isfinite, [*step.coefficients.tolist(), *step.coefficients_std.tolist()]))
 
 
 class _Stepper:

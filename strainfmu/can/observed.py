@@ -148,8 +148,7 @@ def observed_bridge(
             stack.callback(recorder.close)
         taps = Taps(
             clock=(clock or time.monotonic) if recorder is None else recorder.clock,
-            on_received=None if recorder is None else recorder.received,
-            on_sent=None if recorder is None else recorder.sent,
+            queue=None if recorder is None else recorder.queue,
             on_result=pass_on,
         )
         if options.synchronised is not None:

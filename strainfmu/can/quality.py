@@ -71,11 +71,6 @@ class FrameAccount:
     last_time: dict[FrameClass, float] = field(default_factory=dict)
 
     @property
-    def rejected(self) -> int:
-        """Number of frames in any class but USED."""
-        return sum(self.classes.values()) - self.classes[FrameClass.USED]
-
-    @property
     def unaccounted(self) -> int:
         """Number of received frames less those in a class or pending: 0, or the bridge has a defect."""
         return self.received - self.pending - sum(self.classes.values())
@@ -168,15 +163,6 @@ class Cause(IntFlag):
     NOT_AUTHENTIC = 1 << 24
     SENSOR = 1 << 25
     PERIOD = 1 << 26
-
-
-MORE_CAUSES = 1 << 15
-"""In frames with room for 16 bits: the result has causes above bit 15, which another frame holds."""
-
-
-def low_causes(causes: Cause) -> int:
-    """Return the causes in 16 bits."""
-    return (int(causes) & (MORE_CAUSES - 1)) | (MORE_CAUSES if int(causes) >> 16 else 0)
 
 
 # --- the bus --------------------------------------------------------------------------------------------------

@@ -22,7 +22,6 @@ from strainfmu.can.log_frames import LogState, log_frames
 from strainfmu.can.machine import Machine, Result
 from strainfmu.can.options import BridgeOptions
 from strainfmu.can.quality import Cause
-from strainfmu.can.result_frames import ResultFrames
 from strainfmu.can.setup import make_machine
 from strainfmu.can.signals import SignalPlan
 from strainfmu.cosim.estimators.source import LOAD_OUTPUTS, open_step
@@ -108,7 +107,8 @@ def replay_log(
     state.keys = frozenset(machine.plan.slots)
     if machine.authentication is not None:
         machine.authentication.begin(None if described is None else described["freshness"])
-    comparison = _Comparison(layouts, configuration, int(machine.plan.record["first_result"][0]))
+    machine.compose(layouts, configuration)
+    comparison = _Comparison(layouts)
     # Other loggers do not state which frames the bridge sent.
     machine.own.by_identifier = described is None
 
@@ -202,8 +202,7 @@ class _Gaps:
 class _Comparison:
     """Comparison of the result frames of the log with the result frames of the replay, in order."""
 
-    def __init__(self, layouts: tuple[FrameLayout, ...], configuration: int, first: int) -> None:
-        self._frames = ResultFrames(layouts, configuration, first)
+    def __init__(self, layouts: tuple[FrameLayout, ...]) -> None:
         self._plans = {layout.key: SignalPlan(layout) for layout in layouts if layout.cycle_time is not None}
         self._kept = {
             key: np.array([signal.name not in _OF_THE_MOMENT for signal in plan.signals])
@@ -217,7 +216,7 @@ class _Comparison:
         self._add(self._logged, frame)
 
     def replayed(self, result: Result) -> None:
-        for frame in self._frames.of_result(result):
+        for frame in result.frames:
             self._add(self._replayed, frame)
 
     def _add(self, side: dict[int, list[bytes]], frame: Frame) -> None:

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import count
-from math import ceil, isfinite, isnan, nan
-from operator import itemgetter
+
+import numpy as np
 
 from strainfmu.can.encoder import frame_of
 from strainfmu.can.frame import FD_LENGTHS, Frame, Protection
 from strainfmu.can.frame_layout import FLOAT, LITTLE, SIGNED, FrameLayout, SignalLayout
-from strainfmu.can.machine import Result
 from strainfmu.can.profiles import (
     BRIDGE,
     E2E_COUNTER,
@@ -21,8 +20,10 @@ from strainfmu.can.profiles import (
     shared_signal,
     stated_file,
 )
-from strainfmu.can.quality import BusState, FrameAccount, FrameClass, Quality, low_causes
-from strainfmu.can.signals import SignalPlan
+from strainfmu.can.quality import BusState, Quality
+from strainfmu.can.signals import frame_table, signal_table
+from strainfmu.cosim.estimators.exchange import Record
+from strainfmu.cosim.estimators.step import ENVELOPE_SCORE
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 from strainfmu.estimator.other_loads import FAMILIES, SIGMA, LoadFamily, LoadGroup, LoadKind
@@ -37,8 +38,6 @@ LAST_NAMES = tuple(f"last_{name}" for name in COEFFICIENT_NAMES)
 _ENUMERATIONS = {"quality": Quality, "health": HealthState, "bus": BusState}
 
 _NAN = "NaN: not available"
-_LARGEST_WHOLE = 65534.0
-"""Largest standard deviation of a classic frame, in steps."""
 
 
 # --- layouts -----------------------------------------------------------------------------------------------------
@@ -188,156 +187,98 @@ def signal_name(output: str) -> str:
     return output.replace(".", "_").replace("[", "_").rstrip("]")
 
 
-class OtherLoadSignals:
-    """The signals of these loads among result frames, and their values.
+def other_loads(layouts: Sequence[FrameLayout]) -> dict[str, float]:
+    """Return the estimator's outputs in addition to the five loads that frames state, in order.
 
-    Parameters
-    ----------
-    layouts : of all result frames.
+    The number of each is the step in which it is rounded up, 0 for none: standard deviations in whole steps are
+    never stated smaller than they are.
     """
-
-    def __init__(self, layouts: Sequence[FrameLayout]) -> None:
-        signals = {signal.name: signal for layout in layouts for signal in layout.signals}
-        loads = [(family, load) for family in FAMILIES for load in family.loads]
-        sent = {name: load for load in loads for name in _sent_among(signals, *load)}
-        self._outputs = {
-            signal_name(f"{prefix}{name}"): f"{prefix}{name}" for name in sent for prefix in ("", SIGMA)
-        }
-        # Standard deviations in whole steps are never stated smaller than they are.
-        steps = {
-            signal_name(f"{SIGMA}{name}"): load.step
-            for name, (family, load) in sent.items()
-            if not family.sends_coefficients
-        }
-        self._steps = {name: step for name, step in steps.items() if signals[name].length == 16}
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the signals, in the order of their values."""
-        return tuple(self._outputs)
-
-    @property
-    def outputs(self) -> dict[str, float]:
-        """The outputs of the estimator, in order, and the step in which each is rounded up, 0 for none."""
-        return {output: self._steps.get(name, 0.0) for name, output in self._outputs.items()}
-
-    def __bool__(self) -> bool:
-        return bool(self._outputs)
-
-    def values(self, outputs: Mapping[str, float]) -> dict[str, float]:
-        """Return the value of every signal from the ``outputs`` of the estimator, NaN where they have none."""
-        values = {name: outputs.get(output, nan) for name, output in self._outputs.items()}
-        for name, step in self._steps.items():
-            value = values[name] / step
-            # 0 of a load that is known; above the range there is none.
-            values[name] = step * ceil(value) if isfinite(value) and 0.0 <= value <= _LARGEST_WHOLE else nan
-        return values
+    signals, outputs = {signal.name: signal for layout in layouts for signal in layout.signals}, dict[str, float]()
+    for load_family, load in [(family, load) for family in FAMILIES for load in family.loads]:
+        for name in _sent_among(signals, load_family, load):
+            sigma = f"{SIGMA}{name}"
+            is_rounded = not load_family.sends_coefficients and signals[signal_name(sigma)].length == 16
+            outputs |= {name: 0.0, sigma: load.step if is_rounded else 0.0}
+    return outputs
 
 
 # --- contents ----------------------------------------------------------------------------------------------------
 
-_NOTHING = [nan] * 5
-_HEADER, _NO_HEADER = (E2E_CRC, E2E_COUNTER), (0, 0)
-"""Signals that are written when all others are, and their values until then: whole numbers are encoded fastest."""
-_LARGEST_UNCERTAINTY = 6553.4
-"""Largest uncertainty of an age in a frame [ms]; it stands for all above."""
-_LARGEST_SCORE = 25.4
-"""Largest envelope score of a classic frame; it stands for all above."""
+_HEADER = (E2E_CRC, E2E_COUNTER)
+"""Signals that are written when all others are."""
+
+OF_RESULT, OF_STATUS, OF_DETAIL = range(3)
+"""Kinds of a frame."""
+
+FIRST_OTHER = 11
+"""Place of the first of the estimator's other outputs, behind loads, their standard deviations and chi-square."""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class BridgeStatus:
-    """Contents of the status frames, which are sent every STATUS_PERIOD.
-
-    Attributes
-    ----------
-    last, last_valid : the last result, and the last of quality VALID or UNPROTECTED; or None.
-    account : of all frames so far.
-    cycles : number of results so far.
-    """
-
-    time: float
-    bus_state: BusState
-    last: Result | None
-    last_valid: Result | None
-    account: FrameAccount
-    cycles: int
-    send_failures: int
-    reconnects: int
+def output_names(layouts: Sequence[FrameLayout]) -> tuple[str, ...]:
+    """Return the names of those of the estimator's other outputs that the frames state."""
+    return ENVELOPE_SCORE, *other_loads(layouts)
 
 
 class ResultFrames:
-    """Composes result and status frames, each with its own counter.
+    """The frames that ``bridge`` composes of its results and its status, each with its own counter.
 
     Parameters
     ----------
     layouts : of :func:`result_layouts`.
     configuration : number of the gauge assignment, as in the input's frames; 0 for none.
     first : counter of the first result.
+    outputs : names of what the estimator gives behind its loads and chi-square.
+
+    Attributes
+    ----------
+    of_kind : frames of each kind without data, and where compiled code puts the data of each.
     """
 
-    def __init__(self, layouts: tuple[FrameLayout, ...], configuration: int, first: int = 0) -> None:
-        self._configuration = configuration
-        frames, self._others = composition(layouts)
-        self._of_result, self._of_status, self._details = (
-            [
-                _ResultFrame(layout, places, 0 if kind else first)
-                for layout, frame_kind, places in frames
-                if frame_kind == kind
-            ]
-            for kind in range(3)
+    def __init__(
+        self,
+        bridge: Record,
+        layouts: Sequence[FrameLayout],
+        configuration: int,
+        first: int,
+        outputs: Sequence[str],
+    ) -> None:
+        frames, kinds, sources = zip(*composition(layouts), strict=True)
+        others = other_loads(layouts)
+        places = {name: FIRST_OTHER + place for place, name in enumerate(outputs)}
+        data = np.zeros((len(frames), FD_LENGTHS[-1]), dtype=np.uint8)
+        bridge.set(
+            frame=frame_table(list(zip(frames, kinds, strict=True))),
+            signal=np.concatenate([signal_table(layout) for layout in frames]),
+            source=np.concatenate(sources).astype(np.int32),
+            counter=np.array([0 if kind else first for kind in kinds], dtype=np.uint8),
+            data=data,
+            other=np.array([*(places.get(name, -1) for name in others), -1], dtype=np.int32),
+            step=np.array([*others.values(), 0.0]),
+            value=np.zeros(len(_RESULT_NAMES) + len(_STATUS_NAMES) + len(others)),
         )
-
-    def of_result(self, result: Result) -> list[Frame]:
-        """Return the frames of one result; frames of a result with further causes hold their details too."""
-        values = _result_values(result, self._configuration)
-        if self._others:
-            outputs = result.other_outputs if result.quality.has_coefficients else {}
-            values = (*values, *self._others.values(outputs).values())
-        frames = [frame.compose(values) for frame in self._of_result]
-        if int(result.causes) >> 16:
-            frames += [frame.compose(_detail_values(result)) for frame in self._details]
-        return frames
-
-    def of_status(self, status: BridgeStatus) -> list[Frame]:
-        """Return the frames of the bridge's status, and the details of the last result."""
-        values = _status_values(status, self._configuration)
-        details = _detail_values(status.last)
-        frames = [frame.compose(values) for frame in self._of_status]
-        return frames + [frame.compose(details) for frame in self._details]
+        record = bridge.record
+        record["n_frames"], record["n_others"] = len(frames), len(others)
+        record["score"], record["configuration"] = places.get(ENVELOPE_SCORE, -1), configuration
+        self.of_kind: list[list[tuple[Frame, memoryview]]] = [[], [], []]
+        for layout, kind, row in zip(frames, kinds, data, strict=True):
+            self.of_kind[kind].append((frame_of(layout, b""), row[: layout.length].data))
 
 
 def composition(
-    layouts: tuple[FrameLayout, ...],
-) -> tuple[list[tuple[FrameLayout, int, list[int]]], OtherLoadSignals]:
-    """Return how each frame is composed, and the loads behind the five in them.
+    layouts: Sequence[FrameLayout],
+) -> list[tuple[FrameLayout, int, list[int]]]:
+    """Return how each frame is composed.
 
     A kind, 0 of a result, 1 of the status and 2 of details, and the place of each signal's value among the values
     of that kind, as ``fmus/native/ecu/ecu.c`` lists them.
     """
-    other_loads = OtherLoadSignals(layouts)
-    names = ((*_RESULT_NAMES, *other_loads.names), _STATUS_NAMES, _DETAIL_NAMES)
+    others = [signal_name(output) for output in other_loads(layouts)]
+    names = ((*_RESULT_NAMES, *others), _STATUS_NAMES, _DETAIL_NAMES)
     composed = []
     for layout in layouts:
         kind = 0 if layout.cycle_time is not None else 2 if layout.name == DETAIL else 1
         composed.append((layout, kind, [names[kind].index(signal.name) for signal in layout.signals]))
-    return composed, other_loads
-
-
-class _ResultFrame:
-    """One frame, with its counter, and the places of its signals' values."""
-
-    def __init__(self, layout: FrameLayout, places: Sequence[int], first: int) -> None:
-        assert layout.protection is not None
-        self._plan, self._pick = SignalPlan(layout), itemgetter(*places)
-        self._counter, self._modulus = first, layout.protection.counter_modulus
-        self._frame = frame_of(layout, b"")
-
-    def compose(self, values: Sequence[float]) -> Frame:
-        """Return the next frame with its signals among ``values``."""
-        counter = self._counter
-        self._counter = (counter + 1) % self._modulus
-        return self._frame.with_data(self._plan.protected(self._pick(values), counter))
+    return composed
 
 
 _RESULT_NAMES = (
@@ -349,41 +290,7 @@ _RESULT_NAMES = (
 )
 
 
-def _result_values(result: Result, configuration: int) -> tuple[float, ...]:
-    """Return the values of _RESULT_NAMES, NaN where a result has none."""
-    quality, health, score = result.quality, result.health, result.envelope_score
-    published = quality.has_coefficients
-    coefficients = result.coefficients.tolist() if published else _NOTHING
-    deviations = result.coefficients_std.tolist() if published else _NOTHING
-    return (
-        *_NO_HEADER,
-        *coefficients,
-        *deviations,
-        int(quality),
-        nan if health is None else health,
-        int(result.usable),
-        nan if result.sample_time is None else result.sample_time,
-        result.chi_square,
-        1e3 * result.age,
-        low_causes(result.causes),
-        min(result.valid.tobytes().count(1), 255),
-        result.counter or 0,
-        configuration,
-        result.dynamic_pressure,
-        nan if isnan(score) else min(score, _LARGEST_SCORE),
-    )
-
-
 _DETAIL_NAMES = (*_HEADER, "Quality", "AllCauses", "Usable", "AgeUncertainty", "AnsweredCounter")
-
-
-def _detail_values(last: Result | None) -> tuple[float, ...]:
-    """Return the values of _DETAIL_NAMES."""
-    if last is None:
-        return *_NO_HEADER, int(Quality.NO_DATA), 0, 0, nan, 0
-    uncertainty = 1e3 * last.age_uncertainty
-    stated = nan if isnan(uncertainty) else min(uncertainty, _LARGEST_UNCERTAINTY)
-    return *_NO_HEADER, int(last.quality), int(last.causes), int(last.usable), stated, last.counter or 0
 
 
 _COUNTS = ("Received", "Used", "Rejected", "Cycles", "Overrun")
@@ -395,33 +302,3 @@ _STATUS_NAMES = (
     *("LastAge", "LastAge16", "Quality", "BusState", "SendFailures", "Reconnects", "Drift", "EnvelopeScore"),
     "Configuration",
 )
-
-
-def _status_values(status: BridgeStatus, configuration: int) -> tuple[float, ...]:
-    """Return the values of _STATUS_NAMES."""
-    last, account = status.last_valid, status.account
-    age = nan if last is None else 1e3 * (status.time - last.time + last.age)
-    classes = account.classes
-    counts = (
-        account.received,
-        classes[FrameClass.USED],
-        account.rejected,
-        status.cycles,
-        classes[FrameClass.OVERRUN],
-    )
-    return (
-        *_NO_HEADER,
-        *(_NOTHING if last is None else last.coefficients.tolist()),
-        # Counts wrap: every layout takes as many of the low bits as its signal has.
-        *[count % 2**32 for count in counts],
-        *[count % 2**16 for count in counts],
-        min(age, 2**32 - 2.0) if not isnan(age) else nan,
-        min(age, 655_340.0) if not isnan(age) else nan,
-        int(Quality.NO_DATA if status.last is None else status.last.quality),
-        int(status.bus_state),
-        status.send_failures % 2**16,
-        min(status.reconnects, 255),
-        nan,  # the drift, which earlier versions have measured
-        nan if status.last is None else status.last.envelope_score,
-        configuration,
-    )

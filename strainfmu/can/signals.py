@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.can.frame_layout import FLOAT, LITTLE, SIGNED, UNSIGNED, FrameLayout, SignalLayout
+from strainfmu.cosim.estimators.exchange import ESTIMATOR, EXCHANGE
 from strainfmu.errors import InputError
 from strainfmu.estimator.core import NoCoreError, library
 
-VERSION = 6
+VERSION = 7
 """``SB_VERSION`` of the library that this file calls."""
 
 
@@ -67,6 +68,41 @@ RESULT = _record(
 )
 """``SbResult``."""
 
+FRAME = np.dtype(
+    [
+        ("identifier", "u4"),
+        *((name, "i4") for name in ("is_extended", "is_fd", "length", "kind", "modulus", "first", "n_signals")),
+        ("protection", SLOT),
+    ],
+    align=True,
+)
+"""``SentFrame``."""
+
+LOGGED = np.dtype(
+    [
+        *(("time", "f8"), ("key", "u4"), ("n", "u1"), ("flags", "u1"), ("is_received", "u1"), ("verdict", "u1")),
+        ("data", "u1", 64),
+    ]
+)
+"""``SbLogged``."""
+
+QUEUE = np.dtype([("frame", "u8"), *((name, "i8") for name in ("size", "room", "put", "taken", "lost"))])
+"""``SbQueue``."""
+
+BRIDGE = np.dtype(
+    [
+        *((name, "u8") for name in ("plan", "state", "estimator", "place", "output", "frame", "signal", "source")),
+        *((name, "u8") for name in ("counter", "data", "other", "step", "value")),
+        *((name, "u8") for name in ("key", "slot", "has_come", "heard", "queue")),
+        ("last", "V136"),
+        *((name, "f8") for name in ("last_step", "pressure")),
+        *((name, "i4") for name in ("n_outputs", "n_frames", "n_others", "mask", "score", "configuration")),
+        *((name, "i4") for name in ("needs_pressure", "health", "n_gauges", "is_stepped", "n_keys")),
+        *((name, "i4") for name in ("bus_state", "send_failures", "reconnects")),
+    ]
+)
+"""``SbBridge``."""
+
 N_CLASSES = 23
 ACCOUNT = np.dtype(
     [
@@ -108,17 +144,33 @@ PLACES: dict[str, int] = {}
 
 def _check_sizes(native: ctypes.PyDLL) -> None:
     """Compare the records with the library's, and keep the places of the state's parts."""
-    size = np.zeros(8, dtype=np.int64)
+    size = np.zeros(14, dtype=np.int64)
     native.sb_sizes(pointer(size))
-    records = (SIGNAL, SLOT, PLAN, RESULT, ACCOUNT)
-    assert size[:5].tolist() == [record.itemsize for record in records], size
-    PLACES.update(zip(("result", "account", "parts"), size[5:].tolist(), strict=True))
+    native.sb_bridge_sizes(pointer(size[8:]))
+    records = (SIGNAL, SLOT, PLAN, RESULT, ACCOUNT, FRAME, BRIDGE, ESTIMATOR, EXCHANGE, LOGGED, QUEUE)
+    assert [*size[:5].tolist(), *size[8:].tolist()] == [record.itemsize for record in records], size
+    PLACES.update(zip(("result", "account", "parts"), size[5:8].tolist(), strict=True))
 
 
 def pointer(array: NDArray[Any]) -> Any:
     """Return the address of an array as an argument of a function; the array must outlive it."""
     assert array.flags.c_contiguous
     return ctypes.c_void_p(array.ctypes.data)
+
+
+def frame_table(frames: Sequence[tuple[FrameLayout, int]]) -> np.ndarray:
+    """Return the rows of frames that are sent, each with its kind."""
+    rows, first = np.zeros(len(frames), dtype=FRAME), 0
+    for row, (layout, kind) in zip(rows, frames, strict=True):
+        row["identifier"], row["is_extended"] = layout.identifier, layout.is_extended
+        row["is_fd"], row["length"], row["kind"] = layout.is_fd, layout.length, kind
+        row["first"], row["n_signals"] = first, len(layout.signals)
+        if (protection := layout.protection) is not None:
+            row["modulus"] = protection.counter_modulus
+            row["protection"]["profile"], row["protection"]["data_id"] = protection.profile, protection.data_id
+            row["protection"]["crc_end"] = -1 if protection.end is None else protection.end
+        first += len(layout.signals)
+    return rows
 
 
 _KINDS = (UNSIGNED, SIGNED, FLOAT)
@@ -209,11 +261,6 @@ class SignalPlan:
         self.signals, self.length = layout.signals, layout.length
         n = len(layout.signals)
         self._table, self._slot = signal_table(layout), np.zeros(1, dtype=SLOT)
-        protection = layout.protection
-        if protection is not None:
-            end = -1 if protection.end is None else protection.end
-            self._slot["profile"], self._slot["data_id"] = protection.profile, protection.data_id
-            self._slot["crc_end"] = end
         self._value, self._data = np.zeros(max(n, 1)), np.zeros(max(layout.length, 1), dtype=np.uint8)
         self._pack, self._written = struct.Struct(f"={n}d").pack_into, self._value.data
         self._bytes = self._data.data
@@ -251,14 +298,11 @@ class SignalPlan:
         InputError
             Such a value belongs to a signal without a "not available".
         """
-        return self.protected(values, _UNPROTECTED)
-
-    def protected(self, values: FloatArray | Sequence[float], counter: int) -> bytes:
-        """Return the frame as :meth:`encode`, with its ``counter`` (in its range) and CRC."""
         if len(values) != len(self.signals):
             raise ValueError(f"expected {len(self.signals)} values, got {len(values)}")
         self._pack(self._written, 0, *values)
-        refused = self._library.sb_encode(self._signal_at, len(values), self._value_at, counter, *self._encoded)
+        encode = self._library.sb_encode
+        refused = encode(self._signal_at, len(values), self._value_at, _UNPROTECTED, *self._encoded)
         if refused >= 0:
             signal, value = self.signals[refused], values[refused]
             unit = f" {signal.unit}" if signal.unit else ""

@@ -34,7 +34,7 @@ LIBRARIES = {
 }
 """Folders below ``fmus/native`` of the models in each library; ``plant`` serves autopilot and schedule too."""
 
-BESIDE = {"estimator": ("bus", "network", "ecu"), "plant": ("bus", "network", "nodes")}
+BESIDE = {"estimator": ("bus", "network", "ecu", "bridge"), "plant": ("bus", "network", "nodes")}
 """Folders that the built library holds next to the model, for Python and for FMUs on a bus, which bring their
 sources."""
 

@@ -17,9 +17,9 @@ from strainfmu.can.dbc_writer import dbc_text
 from strainfmu.can.frame_layout import FrameLayout
 from strainfmu.can.machine import Machine
 from strainfmu.can.options import BridgeOptions
-from strainfmu.can.result_frames import STATUS_PERIOD, composition
+from strainfmu.can.result_frames import STATUS_PERIOD, composition, other_loads
 from strainfmu.can.setup import all_layouts, make_machine
-from strainfmu.can.signals import SIGNAL, signal_table
+from strainfmu.can.signals import SIGNAL, frame_table, signal_table
 from strainfmu.cosim.estimators.source import open_step
 from strainfmu.cosim.estimators.step import needs_pressure
 from strainfmu.errors import InputError
@@ -30,7 +30,7 @@ from strainfmu.fmu.description.port import BusPart
 from strainfmu.fmu.export import ExportOptions, export_estimator
 from strainfmu.interface.estimator_variables import estimator_interface
 from strainfmu.interface.fmi_variables import value_references
-from strainfmu.packaging.nodes import bus_of_fmu, frame_table, node_part
+from strainfmu.packaging.nodes import bus_of_fmu, node_part
 
 _SETUP = np.dtype(
     [
@@ -114,7 +114,7 @@ def _tables(
     for angle in MEASURED_ANGLES:
         if angle in plan.quantities and f"{angle}{STD}" not in plan.quantities:
             constants.setdefault(f"{angle}{STD}", ANGLE_ERROR)
-    frames, other_loads = composition(tuple(results))
+    frames = composition(results)
     keys = [(key, slot) for key, slot in plan.slots.items()] + [(frame.key, -1) for frame in results]
     record = plan.record.copy()
     for name in plan.tables:
@@ -125,7 +125,7 @@ def _tables(
         np.array(keys, dtype=_KEY),
         np.array([_taken(name, references) for name in plan.quantities], dtype=_QUANTITY),
         np.array([_taken(name, references, value) for name, value in constants.items()], dtype=_QUANTITY),
-        np.array([(references[name], 0, step) for name, step in other_loads.outputs.items()], dtype=_OTHER),
+        np.array([(references[name], 0, step) for name, step in other_loads(results).items()], dtype=_OTHER),
         frame_table([(layout, kind) for layout, kind, _ in frames]),
         np.concatenate([signal_table(layout) for layout, _, _ in frames]).astype(SIGNAL),
         np.concatenate([sources for _, _, sources in frames]).astype("i4"),

@@ -19,7 +19,7 @@ from strainfmu.can.frame_layout import FLOW_QUANTITIES, NAVIGATION, FrameLayout,
 from strainfmu.can.options import BridgeOptions
 from strainfmu.can.result_frames import result_layouts
 from strainfmu.can.setup import input_layout, result_form, stated_in
-from strainfmu.can.signals import SIGNAL, SLOT, signal_table
+from strainfmu.can.signals import SIGNAL, frame_table, signal_table
 from strainfmu.can.strain_sources import recorded_samples
 from strainfmu.cosim.models.flight_model import FlightModel, load_flight_model
 from strainfmu.cosim.models.schedule import ScheduledSignal
@@ -42,16 +42,6 @@ _OF_HARDWARE = (
     *("zeros", TARE, "record", "publish", "http"),
 )
 """Fields whose entries of a bus file an FMU has no use for."""
-
-FRAME = np.dtype(
-    [
-        ("identifier", "u4"),
-        *((name, "i4") for name in ("is_extended", "is_fd", "length", "kind", "modulus", "first", "n_signals")),
-        ("protection", SLOT),
-    ],
-    align=True,
-)
-"""``SentFrame``."""
 
 _SOURCE = np.dtype([("from", "i4"), ("padding", "i4"), ("value", "f8")], align=True)
 _SETUP = np.dtype([("period", "f8"), ("answer_key", "u4"), ("answer_length", "i4")])
@@ -85,21 +75,6 @@ def node_part(bus: BusDescription, layouts: Sequence[FrameLayout], **parts: Any)
         fd_rate=1000 * bus.fd_rate if has_fd else 0,
         **parts,
     )
-
-
-def frame_table(frames: Sequence[tuple[FrameLayout, int]]) -> np.ndarray:
-    """Return the rows of frames that are sent, each with its kind."""
-    rows, first = np.zeros(len(frames), dtype=FRAME), 0
-    for row, (layout, kind) in zip(rows, frames, strict=True):
-        row["identifier"], row["is_extended"] = layout.identifier, layout.is_extended
-        row["is_fd"], row["length"], row["kind"] = layout.is_fd, layout.length, kind
-        row["first"], row["n_signals"] = first, len(layout.signals)
-        if (protection := layout.protection) is not None:
-            row["modulus"] = protection.counter_modulus
-            row["protection"]["profile"], row["protection"]["data_id"] = protection.profile, protection.data_id
-            row["protection"]["crc_end"] = -1 if protection.end is None else protection.end
-        first += len(layout.signals)
-    return rows
 
 
 def sender_part(bus_path: Path, model: FlightModel, variables: Mapping[str, int]) -> BusPart:

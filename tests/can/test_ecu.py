@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from composed_frames import BridgeStatus, ResultFrames
 from fmpy.validation import validate_fmu
 from synthetic_vehicle import SyntheticFiles
 from virtual_bus import (
@@ -28,7 +29,7 @@ from strainfmu.can.frame import Frame
 from strainfmu.can.options import BridgeOptions
 from strainfmu.can.profiles import profile_layout
 from strainfmu.can.quality import BusState, Cause, FrameClass, Quality
-from strainfmu.can.result_frames import STATUS_PERIOD, BridgeStatus, ResultFrames
+from strainfmu.can.result_frames import STATUS_PERIOD
 from strainfmu.can.setup import make_machine
 from strainfmu.can.signals import SignalPlan
 from strainfmu.cosim.estimators.source import open_step

@@ -13,6 +13,7 @@ from can_case import CYCLE, Projection, layout_of
 
 from strainfmu.can.bridge import ERRORS_PER_SECOND, BackOff, Bridge
 from strainfmu.can.frame import Frame, MalformedFrame, from_message
+from strainfmu.can.frame_queue import FrameQueue
 from strainfmu.can.listener import BusListener, Taps
 from strainfmu.can.log_frames import LogState, log_frames
 from strainfmu.can.machine import Machine
@@ -90,11 +91,12 @@ def bridged(messages: list[can.Message | Exception], **taps: Any) -> Bridge:
 
 
 def test_malformed_messages_are_counted_and_passed_over() -> None:
-    good, taken = can.Message(**GOOD), list[int]()
+    good, queue = can.Message(**GOOD), FrameQueue(900)
     bad = [can.Message(**(GOOD | {"arbitration_id": number})) for number in (5.5, float("nan"), 768.0)]
-    bridge = bridged([good, bad[0], good, bad[1], bad[2], good], on_received=lambda f: taken.append(f.identifier))
+    bridge = bridged([good, bad[0], good, bad[1], bad[2], good], queue=queue)
     summary = bridge.summary()
-    assert taken == [0x301] * 3
+    taken = queue.take()
+    assert taken["key"][taken["is_received"] == 1].tolist() == [0x301] * 3
     assert (summary.malformed, summary.failures, summary.account.received) == (3, 0, 3)
     assert "identifier 768.0 found" in summary.last_malformed
 
@@ -112,7 +114,7 @@ def test_a_frame_that_a_log_cannot_hold_is_lost_and_the_recording_goes_on(tmp_pa
     recorder = Recorder(path, clock)
     for number in range(9):
         identifier: Any = 768.0 if number == 4 else 0x300 + number
-        recorder.received(Frame(identifier=identifier, data=bytes(8), time=clock() + CYCLE * number))
+        recorder.queue.put(Frame(identifier=identifier, data=bytes(8), time=clock() + CYCLE * number), True)
     recorder.close()
     assert (recorder.recorded, recorder.lost, recorder.failure) == (8, 1, "")
     found = [frame.identifier for frame, _ in log_frames(path, clock.start, LogState())]

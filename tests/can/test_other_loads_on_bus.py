@@ -11,6 +11,7 @@ import cantools
 import numpy as np
 import pytest
 from can_case import CYCLE, bus_options
+from composed_frames import ResultFrames
 from other_load_maps import STATIONS, groups_at, with_own_further
 from page_results import altered
 from scaled_maps import NOMINAL, scaled_map
@@ -22,7 +23,7 @@ from strainfmu.can.options import BridgeOptions
 from strainfmu.can.profiles import Identifiers, profile_layout
 from strainfmu.can.quality import Quality
 from strainfmu.can.replay import estimate_log
-from strainfmu.can.result_frames import ResultFrames, result_layouts
+from strainfmu.can.result_frames import result_layouts
 from strainfmu.can.setup import make_machine, write_dbc
 from strainfmu.cosim.estimators.source import open_step
 from strainfmu.estimator.estimator import Estimator

@@ -12,12 +12,14 @@ import time
 from pathlib import Path
 
 import can
+import numpy as np
 import pytest
 from bus_run import live_run
 from sweeps import sweep
 from synthetic_vehicle import SyntheticFiles
 
-from strainfmu.can.frame import Frame, to_message
+from strainfmu.can.frame import Frame
+from strainfmu.can.frame_queue import FrameQueue
 from strainfmu.can.log_description import load_description, sidecar
 from strainfmu.can.log_frames import LogState, log_frames
 from strainfmu.can.recording import LOG_SUFFIXES, LogFile, MicrosecondClock, Recorder
@@ -41,7 +43,7 @@ number = 0
 print("ready", flush=True)
 while True:
     data = number.to_bytes(8, "little").ljust(64, b"\\x55")
-    recorder.received(Frame(identifier=0x301, data=data, time=clock(), is_fd=True))
+    recorder.queue.put(Frame(identifier=0x301, data=data, time=clock(), is_fd=True), True)
     number += 1
     if number % 100 == 0:
         print(number, time.monotonic(), flush=True)
@@ -71,7 +73,7 @@ def test_frames_and_times_come_back_exactly(tmp_path: Path, suffix: str) -> None
             is_fd=frame.is_fd,
             bitrate_switch=frame.bitrate_switch,
         )
-        (recorder.sent if number % 3 == 0 else recorder.received)(stamped)
+        recorder.queue.put(stamped, number % 3 != 0)
         given.append((stamped, number % 3 != 0))
     recorder.close()
     assert (recorder.recorded, recorder.lost, recorder.failure) == (400, 0, "")
@@ -86,25 +88,21 @@ def test_fd_frames_of_blf_are_those_of_python_can(tmp_path: Path, monkeypatch: p
         Frame(identifier=number, data=bytes(range(length)), time=number - 0.7654321, is_fd=True, **flags)
         for number, length in enumerate(lengths)
         for flags in ({}, {"is_extended": True}, {"bitrate_switch": True})
-    ]
-    content = []
+    ] * 100  # more than a container
+    frames += [Frame(identifier=1, data=b"ab"), *frames[:9], Frame(identifier=2, data=b"", is_remote=True)]
+    queue = FrameQueue(len(frames))
+    for number, frame in enumerate(frames):
+        queue.put(frame, number % 3 > 0)
+    waiting, content = queue.take(), []
     for is_fast in (True, False):
         if not is_fast:
-            monkeypatch.setattr(
-                LogFile, "_add_fd", lambda log, *entry: log._writer.on_message_received(as_read(*entry))
-            )
+            monkeypatch.setattr(LogFile, "_add_fd", LogFile._add_others)
         log = LogFile(tmp_path / f"{is_fast}.blf", 0.0)
-        for number, frame in enumerate(frames):
-            log.add(frame, number % 3 > 0)
+        for part in np.array_split(waiting, 40):
+            assert log.add(part) == 0
         log.close()
         content.append((tmp_path / f"{is_fast}.blf").read_bytes())
     assert content[0] == content[1]
-
-
-def as_read(frame: Frame, is_received: bool) -> can.Message:
-    message = to_message(frame)
-    message.timestamp, message.is_rx = frame.time, is_received
-    return message
 
 
 def test_blf_keeps_error_and_remote_frames(tmp_path: Path) -> None:
@@ -115,7 +113,7 @@ def test_blf_keeps_error_and_remote_frames(tmp_path: Path) -> None:
         Frame(identifier=0x301, data=b"", time=clock(), is_remote=True),
     ]
     for frame in given:
-        recorder.received(frame)
+        recorder.queue.put(frame, True)
     recorder.close()
     assert [frame for frame, _ in read(tmp_path / "run.blf")[0]] == given
 
@@ -151,7 +149,7 @@ def test_a_blf_cut_anywhere_gives_what_is_whole(tmp_path: Path) -> None:
     clock = MicrosecondClock()
     recorder = Recorder(tmp_path / "run.blf", clock)
     for number in range(3000):
-        recorder.received(Frame(identifier=0x301, data=os.urandom(64), time=clock(), is_fd=True))
+        recorder.queue.put(Frame(identifier=0x301, data=os.urandom(64), time=clock(), is_fd=True), True)
         if number % 1000 == 999:
             time.sleep(0.3)
     recorder.close()
@@ -185,10 +183,10 @@ def test_a_disk_that_fails_ends_the_recording_and_not_the_bridge(tmp_path: Path)
     clock = MicrosecondClock()
     recorder = Recorder(tmp_path / "run.log", clock)
     recorder._log._file.close()
-    recorder.received(Frame(identifier=1, data=bytes(8), time=clock()))
+    recorder.queue.put(Frame(identifier=1, data=bytes(8), time=clock()), True)
     recorder._thread.join(60.0)
     assert "closed file" in recorder.failure
-    recorder.received(Frame(identifier=1, data=bytes(8), time=clock()))
+    recorder.queue.put(Frame(identifier=1, data=bytes(8), time=clock()), True)
     assert (recorder.recorded, recorder.lost) == (0, 2)
     recorder.close()
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from can_case import ACCEPTING, Projection
 from can_faults import SETTLING_CYCLES, planned_faults
+from composed_frames import ResultFrames
 from fault_injection import FaultySender
 from slender_vehicle import make_slender_files
 from synthetic_vehicle import N_GAUGES, SyntheticFiles
@@ -20,7 +21,7 @@ from strainfmu.can.opening import BusSettings, open_bus
 from strainfmu.can.options import BridgeSettings
 from strainfmu.can.profiles import Identifiers, profile_layout
 from strainfmu.can.quality import Cause, Quality
-from strainfmu.can.result_frames import ResultFrames, result_layouts
+from strainfmu.can.result_frames import result_layouts
 from strainfmu.can.sender import score_answers, send_flight
 from strainfmu.can.signals import SignalPlan
 from strainfmu.can.strain_sources import FlownSample, plant_samples, recorded_samples, scenario_samples

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from can_case import Ears
 from can_faults import NEED_A_KEY, FaultKind, random_faults
+from composed_frames import ResultFrames
 from fault_injection import FaultySender
 from synthetic_vehicle import SyntheticFiles, synthetic_inverse_map
 from test_endurance import grows, resident_memory
@@ -23,7 +24,6 @@ from strainfmu.can.page_message import gauge_positions
 from strainfmu.can.publisher import Publisher
 from strainfmu.can.quality import BusState, Cause, Quality
 from strainfmu.can.recording import WAITING_FRAMES, MicrosecondClock, Recorder
-from strainfmu.can.result_frames import ResultFrames
 from strainfmu.can.setup import make_machine
 from strainfmu.cosim.estimators.fmu_step import FmuStep
 from strainfmu.cosim.estimators.step import ENVELOPE_SCORE
@@ -68,7 +68,7 @@ class Chain:
             strain += 1e-7 * self._random.normal(size=len(strain))
             results = list[Result]()
             for frame in self.sender.cycle(number, time, strain, 9e4 + number % 1000):
-                recorder.received(frame)
+                recorder.queue.put(frame, True)
                 self.frames += 1
                 results += self.machine.receive(frame)
             results += self.machine.advance(time + 0.99 * CYCLE)
@@ -78,12 +78,12 @@ class Chain:
                 self.qualities[result.quality] += 1
                 for answer in self._composer.of_result(result):
                     answer.time = result.time
-                    recorder.sent(answer)
+                    recorder.queue.put(answer, False)
                     self.frames += 1
                 self._publisher.result(result)
             if results and results[-1].causes & Cause.UNPROVEN_RESTART:
                 self.machine.confirm()
-            while len(recorder._waiting) > WAITING_FRAMES // 2:  # time is quicker than the disk here
+            while len(recorder.queue) > WAITING_FRAMES // 2:  # time is quicker than the disk here
                 sleep(0.01)
         recorder.close()
         assert not recorder.failure

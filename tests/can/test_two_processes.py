@@ -17,7 +17,7 @@ from state_estimates import state_gain
 from synthetic_vehicle import synthetic_inverse_map
 
 from strainfmu.can.profiles import Identifiers
-from strainfmu.can.quality import MORE_CAUSES, Cause, Quality
+from strainfmu.can.quality import Cause, Quality
 from strainfmu.can.result_frames import result_layouts
 from strainfmu.can.signals import SignalPlan
 from strainfmu.cosim.estimators.description import gauge_names_of
@@ -139,7 +139,7 @@ def check(run: Run, vehicle: tuple[InverseMap, Path], cycle_time: float, n_cycle
         assert run.is_late or valid.sum() >= 0.8 * n_cycles
         assert (causes[~valid] != 0).all()
         # Behind lost or late cycles delay may hide: cause 16, which the frame of results only says to be above 15.
-        hides = np.where(is_behind_pause(run, cycle_time), MORE_CAUSES, 0)
+        hides = np.where(is_behind_pause(run, cycle_time), 1 << 15, 0)
         # A partial cycle lacks the gauges of a frame, and health says so.
         lacks_gauges = np.where(causes & Cause.PARTIAL_CYCLE, int(Cause.HEALTH), 0)
         explained = int(OF_LATENESS) | hides[answers] | lacks_gauges

@@ -10,6 +10,7 @@ from math import ceil, inf
 
 import numpy as np
 from can_faults import Fault, FaultKind
+from composed_frames import ResultFrames
 from fault_injection import FaultySender, frozen_gauges, growth_of
 
 from strainfmu.can.authentic import AuthenticationKey
@@ -21,7 +22,7 @@ from strainfmu.can.machine import Machine, Result
 from strainfmu.can.options import BridgeOptions, BridgeSettings
 from strainfmu.can.profiles import SECURED_PROFILE, Identifiers, profile_layout, result_form_of
 from strainfmu.can.quality import BusState, Cause, Quality
-from strainfmu.can.result_frames import ResultFrames, result_layouts
+from strainfmu.can.result_frames import result_layouts
 from strainfmu.cosim.estimators.step import StepResult
 from strainfmu.estimator.health import HealthState
 

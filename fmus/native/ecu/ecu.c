@@ -13,17 +13,13 @@
 #include "../core/floating.h"
 #include "../network/link.h"
 
-#define LARGEST_UNCERTAINTY 6553.4
-#define LARGEST_SCORE 25.4
 #define LONGEST_STEP 100   /* cycles in one step of the estimator */
 
-enum { QUEUE = 16, N_LOADS_SENT = 5, NO_COEFFICIENTS = 2 };
+enum { QUEUE = 16, NO_COEFFICIENTS = 2 };
 
 /* --- the tables of resources/bus.bin, as strainfmu/packaging/ecu.py writes them ------------------------------------------ */
 
 enum { SETUP, PLAN, SLOT, SIGNAL, CODE, CHANGE, KEY, QUANTITY, CONSTANT, OTHER, FRAME, SENT, SOURCE };
-
-enum { OF_RESULT, OF_STATUS, OF_DETAIL }; /* kinds of a frame that is sent */
 
 typedef struct {
     uint32_t key;
@@ -49,16 +45,7 @@ typedef struct {
 /* --- values and state ----------------------------------------------------------------------------------------------- */
 
 /* Numbers of FMI 2.0 of outputs of the estimator: estimator/sample/sample.h. */
-enum { HEALTH_OUTPUT = 20, CHI_SQUARE_OUTPUT = 21, ENVELOPE_OUTPUT = 26, N_REAL_LOADS = 10 };
-
-/* Values of the frames of a result, of the details and of the status, as result_frames.py lists them. */
-enum {
-    R_COEFFICIENTS = 2, R_SIGMA = 7, R_QUALITY = 12, R_HEALTH, R_USABLE, R_SAMPLE_TIME, R_CHI_SQUARE, R_AGE, R_CAUSES,
-    R_GAUGES, R_ANSWERED, R_CONFIGURATION, R_PRESSURE, R_SCORE, R_OTHERS
-};
-enum { D_QUALITY = 2, D_CAUSES, D_USABLE, D_UNCERTAINTY, D_ANSWERED, N_DETAILS };
-enum { S_LAST = 2, S_COUNTS = 7, S_COUNTS_16 = 12, S_AGE = 17, S_AGE_16, S_QUALITY, S_BUS, S_FAILURES, S_REOPENED, S_DRIFT,
-       S_SCORE, S_CONFIGURATION, N_STATUS };
+enum { HEALTH_OUTPUT = 20, CHI_SQUARE_OUTPUT = 21, ENVELOPE_OUTPUT = 26 };
 
 /* A result that waits for its tick; its values lie behind the state. */
 typedef struct {
@@ -70,10 +57,8 @@ typedef struct {
 typedef struct {
     Link link;
     double estimator_time, last_step, next_status; /* [s]; last_step NaN before the first */
-    double last[N_LOADS_SENT], last_ready, last_age, score; /* of the last valid result; of the last one */
-    double detail[N_DETAILS];
-    uint64_t results;
-    int32_t has_last, has_valid, first, n_waiting;
+    SbLast last;
+    int32_t first, n_waiting;
     Waiting waiting[QUEUE];
 } State;
 
@@ -153,22 +138,7 @@ static void step_estimator(Ecu *ecu, double now) {
 
 /* --- results -------------------------------------------------------------------------------------------------------- */
 
-static int has_coefficients(int quality) {
-    return quality == SB_VALID || quality == SB_UNPROTECTED || quality == SB_DEGRADED || quality == SB_SUSPECT ||
-           quality == SB_UNCONFIRMED;
-}
-
-static double at_most(double value, double largest) {
-    return value > largest ? largest : value;
-}
-
-/* The smallest whole number that is not below x, for x from 0 to 65534. */
-static double whole_above(double x) {
-    const double whole = (double)(int32_t)x;
-    return whole < x ? whole + 1.0 : whole;
-}
-
-/* Loads in addition to the five, and their standard deviations, which are never stated smaller than they are. */
+/* Loads in addition to the five, and their standard deviations. */
 static void set_others(const Ecu *ecu, int published, double *value) {
     char text[MODEL_TEXT_SIZE];
     const EcuOther *load = ecu->node.table[OTHER];
@@ -178,8 +148,7 @@ static void set_others(const Ecu *ecu, int published, double *value) {
         if (published) {
             (void)model_get(ecu->node.model, REAL, &which, &estimate, text);
         }
-        const double steps = estimate / load->step;
-        value[k] = load->step == 0.0 ? estimate : steps >= 0.0 && steps <= 65534.0 ? load->step * whole_above(steps) : NAN;
+        value[k] = sent_value(estimate, load->step);
     }
 }
 
@@ -190,7 +159,7 @@ static void publish(Ecu *ecu) {
     const EcuSetup *setup = ecu->setup;
     SbState *machine = machine_of(ecu);
     SbResult *r = &machine->result;
-    const int is_silent = r->is_silent, n_used = r->n_used;
+    const int n_used = r->n_used;
     const double *flow = flow_of(machine);
     const double on_bus = ecu->plan.pressure >= 0 ? flow[ecu->plan.pressure] : NAN;
     const double pressure = isnan(ecu->plan.fixed_pressure) ? on_bus : ecu->plan.fixed_pressure;
@@ -225,42 +194,15 @@ static void publish(Ecu *ecu) {
         double *value = values_of(ecu, place);
         Waiting *waiting = &s->waiting[place];
         waiting->release = release;
-        for (int k = 0; k < N_LOADS_SENT; k++) {
-            value[R_COEFFICIENTS + k] = published ? loads[k] : NAN;
-            value[R_SIGMA + k] = published ? loads[N_LOADS_SENT + k] : NAN;
-        }
-        value[0] = value[1] = 0.0; /* CRC and counter are written last */
-        value[R_QUALITY] = r->quality;
-        value[R_HEALTH] = health < 0 ? NAN : health;
-        value[R_USABLE] = r->usable;
-        value[R_SAMPLE_TIME] = r->sample_time < 0 ? NAN : (double)r->sample_time;
-        value[R_CHI_SQUARE] = chi_square;
-        value[R_AGE] = 1e3 * r->age;
-        value[R_CAUSES] = (double)((r->causes & 0x7FFFu) | (r->causes >> 16 ? 0x8000u : 0u));
-        value[R_GAUGES] = at_most(n_used, 255.0);
-        value[R_ANSWERED] = r->counter < 0 ? 0.0 : r->counter;
-        value[R_CONFIGURATION] = setup->configuration;
-        value[R_PRESSURE] = is_silent ? NAN : pressure;
-        value[R_SCORE] = at_most(score, LARGEST_SCORE);
+        const SbEstimate estimate = {.loads = n_used ? loads : NULL, .chi_square = chi_square, .score = score,
+                                     .pressure = pressure, .health = health, .n_gauges = n_used,
+                                     .configuration = setup->configuration};
+        result_values(r, &estimate, value);
         set_others(ecu, published, value + R_OTHERS);
         double *detail = waiting->detail;
-        detail[0] = detail[1] = 0.0;
-        detail[D_QUALITY] = r->quality;
-        detail[D_CAUSES] = r->causes;
-        detail[D_USABLE] = r->usable;
-        detail[D_UNCERTAINTY] = at_most(1e3 * r->uncertainty, LARGEST_UNCERTAINTY);
-        detail[D_ANSWERED] = value[R_ANSWERED];
+        detail_values(r, detail);
         waiting->has_details = (r->causes >> 16) != 0;
-        memcpy(s->detail, detail, sizeof s->detail);
-        s->score = score;
-        s->has_last = 1;
-        s->results++;
-        if (r->quality == SB_VALID || r->quality == SB_UNPROTECTED) {
-            memcpy(s->last, loads, sizeof s->last);
-            s->has_valid = 1;
-            s->last_ready = r->time;
-            s->last_age = r->age;
-        }
+        keep_last(&s->last, r, &estimate);
     }
     model->mode = mode;
     model_set_time(model, time);
@@ -337,30 +279,10 @@ static void send_frames(Ecu *ecu, int kind, const double *value) {
 static void send_status(Ecu *ecu, double time) {
     State *s = state_of(ecu);
     const SbAccount *account = &machine_of(ecu)->account;
-    double value[N_STATUS] = {0.0};
-    int64_t rejected = 0;
-    for (int k = 0; k < SB_N_CLASSES; k++) {
-        rejected += k == SB_USED ? 0 : account->count[k];
-    }
-    const int64_t count[] = {account->received, account->count[SB_USED], rejected, (int64_t)s->results, account->count[SB_OVERRUN]};
-    for (int k = 0; k < 5; k++) {
-        value[S_LAST + k] = s->has_valid ? s->last[k] : NAN;
-        value[S_COUNTS + k] = (double)((uint64_t)count[k] & 0xFFFFFFFFu);
-        value[S_COUNTS_16 + k] = (double)((uint64_t)count[k] & 0xFFFFu);
-    }
-    const double age = s->has_valid ? 1e3 * (time - s->last_ready + s->last_age) : NAN;
-    value[S_AGE] = at_most(age, 4294967294.0);
-    value[S_AGE_16] = at_most(age, 655340.0);
-    value[S_QUALITY] = s->has_last ? s->detail[D_QUALITY] : (double)SB_NO_DATA;
-    value[S_DRIFT] = NAN;
-    value[S_SCORE] = s->has_last ? s->score : NAN;
-    value[S_CONFIGURATION] = ecu->setup->configuration;
+    double value[N_STATUS], detail[N_DETAILS];
+    status_values(&s->last, account, time, ecu->setup->configuration, value);
     send_frames(ecu, OF_STATUS, value);
-    double detail[N_DETAILS] = {0.0};
-    detail[D_UNCERTAINTY] = NAN;
-    if (s->has_last) {
-        memcpy(detail, s->detail, sizeof detail);
-    }
+    last_details(&s->last, detail);
     send_frames(ecu, OF_DETAIL, detail);
     s->next_status += ecu->setup->status_period;
     s->next_status = s->next_status > time ? s->next_status : time;
@@ -423,7 +345,7 @@ static void update(Node *node, double time) {
 static void begin(Node *node, double time) {
     Ecu *ecu = (Ecu *)node;
     State *s = node->state;
-    s->last_step = s->score = NAN;
+    s->last_step = NAN;
     s->estimator_time = s->next_status = time;
     sb_begin(&ecu->plan, machine_of(ecu), time);
 }

@@ -6,8 +6,8 @@
 
 #include <string.h>
 
-#include "../bus/bus.h"
 #include "../core/ports.h"
+#include "results.h"
 
 /* Codes of operations: u32 code, u32 length of all, arguments; little endian, without padding. */
 enum {
@@ -66,15 +66,6 @@ int link_tick(Link *link, const NodeSetup *setup);
 void link_end_tick(Link *link);
 
 void link_send(Link *link, uint32_t code, const uint8_t *arguments, size_t n);
-
-/* A frame that is composed, and its signals in tables of all frames. */
-typedef struct {
-    uint32_t identifier;
-    int32_t is_extended, is_fd, length, kind, modulus, first, n_signals;
-    SbSlot protection;
-} SentFrame;
-
-enum { MOST_SIGNALS = 512 }; /* a bit each */
 
 /* Send a frame with the values of its signals; 0 if a value does not fit, which counts as lost. */
 int link_send_frame(Link *link, const SentFrame *frame, const SbSignal *signal, const double *value, int counter);

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import sys
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from strainfmu.arrays import FloatArray
 from strainfmu.cosim.estimators.description import (
@@ -29,10 +28,11 @@ from strainfmu.cosim.estimators.description import (
     stated_names,
     zero_offset_of,
 )
+from strainfmu.cosim.estimators.exchange import FmuExchange
 from strainfmu.cosim.estimators.step import OTHER_LOAD_OUTPUTS, PARAMETERS, StepRefused, StepResult
-from strainfmu.cosim.systems.instance import Instance, SignalBlock, read_description, safe_temporary_parent, unzip
+from strainfmu.cosim.systems.instance import Instance, read_description, safe_temporary_parent, unzip
 from strainfmu.errors import InputError, StrainfmuError
-from strainfmu.estimator.air_inputs import ANGLE_ERROR, DYNAMIC_PRESSURE, MEASURED_ANGLES, STATIC_PRESSURE, STD
+from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE, MEASURED_ANGLES, STATIC_PRESSURE, STD
 from strainfmu.estimator.gauge_zeros import GaugeZeros
 from strainfmu.estimator.other_loads import output_units
 from strainfmu.estimator.signal_names import TEMPERATURE as TEMPERATURE
@@ -71,6 +71,8 @@ class FmuStep:
     sensor_range : largest |strain| of a working gauge [m/m], at the start.
     noise_std : (n_d,) standard deviations of the gauges' noise [m/m] in the FMU's map, None if it states none.
     zero_offset : (n_d,) zeros that are subtracted [m/m]: the map's, until others are given.
+    exchange, inputs, outputs : the step of compiled code, and the numbers that it moves.
+    places, first_mask : where an input lies among them, by name, and the mask, which may be none.
 
     Raises
     ------
@@ -113,12 +115,12 @@ class FmuStep:
         # Reals side by side, so that they are exchanged as they lie.
         of_flow = sorted((by_name[name] for name in self.other_inputs), key=lambda v: v.type != "Real")
         self._set = (*strains, pressure, *of_flow, *valid)
-        self._place = {v.name: self.n_gauges + index for index, v in enumerate((pressure, *of_flow))}
+        self.places = {v.name: self.n_gauges + index for index, v in enumerate((pressure, *of_flow))}
         # Of angles without one; an FMU leaves them out.
         self._angle_stds = [
-            self._place[f"{name}{STD}"] for name in MEASURED_ANGLES if f"{name}{STD}" in self._place
+            self.places[f"{name}{STD}"] for name in MEASURED_ANGLES if f"{name}{STD}" in self.places
         ]
-        self._first_mask = self.n_gauges + 1 + len(of_flow)
+        self.first_mask = self.n_gauges + 1 + len(of_flow)
         wanted = [name for name in other_outputs if name != OTHER_LOAD_OUTPUTS]
         wanted += [name.replace(PARAMETER_PREFIX, OUTSIDE_PREFIX, 1) for name in parameters]
         self.load_groups = load_groups(self._description, contents) if OTHER_LOAD_OUTPUTS in other_outputs else ()
@@ -130,18 +132,16 @@ class FmuStep:
         self.sensor_range = sensor_range_of(self._description)
         self.noise_std = noise_std_of(contents, self.n_gauges)
         self.zero_offset = zero_offset_of(contents, self.n_gauges)
-        self._time = 0.0
         self._retried = False
-        self._inputs = np.zeros(len(self._set))
-        self._strain_inputs = self._inputs[: self.n_gauges]
+        self.inputs = np.zeros(len(self._set))
+        self._strain_inputs = self.inputs[: self.n_gauges]
         # The same numbers, of which one is set in half the time.
-        self._numbers: Any = self._inputs.data
+        self._numbers: Any = self.inputs.data
         for variable in of_flow:
             start = np.nan if variable.name.startswith(SENSOR_PREFIX) else float(variable.start or 0.0)
-            self._inputs[self._place[variable.name]] = start
+            self.inputs[self.places[variable.name]] = start
         self._zeros: tuple[list[Any], FloatArray] = [], np.zeros(0)
-        self._values = np.zeros(len(self._get))
-        self._finite = np.ones(self.n_gauges, dtype=bool)
+        self.outputs = np.zeros(len(self._get))
         self._python_path = list(sys.path)
         self._stack = ExitStack()
         try:
@@ -192,25 +192,18 @@ class FmuStep:
         StrainfmuError
             It cannot.
         """
-        numbers, place = self._numbers, self._place
+        numbers, place = self._numbers, self.places
         self._strain_inputs[:] = strain
         numbers[self.n_gauges] = dynamic_pressure
         for name, value in inputs.items():
             numbers[place[name]] = value
-        for std in self._angle_stds:
-            if not numbers[std] > 0.0:
-                numbers[std] = ANGLE_ERROR
-        begin = self._time
-        self._time = begin + step_size
+        if self.first_mask < len(self.inputs):
+            self.inputs[self.first_mask :] = np.isfinite(strain) if mask is None else np.frombuffer(mask, bool)
         try:
-            self._set_inputs()
-            if self._mask_setters:
-                self._set_mask(np.isfinite(strain, self._finite).tobytes() if mask is None else mask)
-            self._step(begin, step_size)
-            self._get_outputs()
+            self._step(step_size)
         except StrainfmuError as error:
             raise self._after(error) from error
-        values = self._values.copy()
+        values = self.outputs.copy()
         chi_square, *more, health = values.tolist()[FIRST_NUMBER:]
         outputs = dict(zip(self.other_outputs, more, strict=True))
         return StepResult(values[:5], values[5:FIRST_NUMBER], int(health), chi_square, outputs)
@@ -241,8 +234,10 @@ class FmuStep:
 
     def _give_zeros(self) -> None:
         variables, values = self._zeros
-        if variables:
-            self._transfer(self._exchange("Set", variables, 0, values), values, into=True)
+        for block in self._instance.block("Set", variables, range(len(variables)), values):
+            if block.buffer.base is not values:
+                block.buffer[:] = values[block.columns]
+            block.call()
 
     def close(self) -> None:
         """Free the instance and its files, and take back what PythonFMU did to Python's search path."""
@@ -254,38 +249,30 @@ class FmuStep:
         """Instantiate and initialize."""
         self._instance = Instance("bridge", self.path, self._description, self._folder)
         try:
-            first = self._first_mask
-            setters = self._exchange("Set", self._set[:first], 0, self._inputs)
-            self._set_inputs = self._bound(setters, self._inputs, into=True)
-            self._mask_setters = self._exchange("Set", self._set[first:], first, self._inputs)
-            self._get_outputs = self._bound(
-                self._exchange("Get", self._get, 0, self._values), self._values, into=False
-            )
-            self._mask_sent = b""
             self._instance.begin(_STOP_TIME)
             self._give_zeros()
             self._instance.end_initialization()
         except BaseException:
             self._instance.close()
             raise
-        self._step = self._instance.stepper()
-        self._time = 0.0
+        block = self._instance.block
+        self.exchange = FmuExchange(
+            self._instance,
+            inputs=block("Set", self._set, range(len(self._set)), self.inputs),
+            outputs=block("Get", self._get, range(len(self._get)), self.outputs),
+            given=self.inputs,
+            taken=self.outputs,
+            angle_stds=self._angle_stds,
+        )
+        self._step = self.exchange.step
 
-    def _exchange(
-        self, direction: str, variables: Sequence[Any], first: int, vector: FloatArray
-    ) -> list[_Exchange]:
-        """Return what gets or sets ``variables``, which lie from ``first`` on in ``vector``."""
-        columns = range(first, first + len(variables))
-        blocks = self._instance.block(direction, variables, columns, vector)
-        return [(b, None if b.buffer.base is vector else _columns(b.columns)) for b in blocks]
-
-    def _set_mask(self, mask: bytes) -> None:
-        """Set the inputs ``valid[i]`` to a mask other than the one that was set last."""
-        if mask == self._mask_sent:
-            return
-        self._inputs[self._first_mask :] = np.frombuffer(mask, dtype=bool)
-        self._transfer(self._mask_setters, self._inputs, into=True)
-        self._mask_sent = mask
+    def failed(self, number: int) -> None:
+        """Go on after a step by compiled code that failed with ``number``; raise StrainfmuError if it cannot."""
+        try:
+            self.exchange.check(number)
+        except StrainfmuError as error:
+            if not isinstance(refused := self._after(error), StepRefused):
+                raise refused from error
 
     def _after(self, error: StrainfmuError) -> StrainfmuError:
         """Return what an FMI status means: fmi2Discard a lost step, fmi2Error one more try, fmi2Fatal the end."""
@@ -297,55 +284,3 @@ class FmuStep:
         self._instance.close()
         self._open()
         return StepRefused(str(error))
-
-    def _bound(self, blocks: Sequence[_Exchange], values: FloatArray, into: bool) -> Callable[[], None]:
-        """Return what moves ``values`` into the FMU, or out of it; one block in place is the FMI call itself."""
-        (first, columns), *further = blocks
-        if not further and columns is None:
-            return first.call
-        if columns is not None or len(further) != 1:
-            return lambda: self._transfer(blocks, values, into)
-        # Reals in place and few other numbers, as the state of health is, which are moved one by one.
-        second, numbers = further[0][0], values.data
-        moved, places = second.buffer.data, second.columns.tolist()
-        last: list[float] = []
-
-        def put() -> None:
-            nonlocal last
-            first.call()
-            new = [numbers[place] for place in places]
-            if new != last:
-                last = new
-                second.buffer[:] = np.nan_to_num(new)
-                second.call()
-
-        def get() -> None:
-            first.call()
-            second.call()
-            for number, place in enumerate(places):
-                numbers[place] = moved[number]
-
-        return put if into else get
-
-    @staticmethod
-    def _transfer(blocks: Sequence[_Exchange], values: FloatArray, into: bool) -> None:
-        """Move ``values`` into the FMU, or out of it."""
-        for block, columns in blocks:
-            if into and columns is not None:
-                source = values[columns]
-                is_same = block.buffer.dtype == source.dtype
-                block.buffer[:] = source if is_same else np.where(np.isnan(source), 0.0, source)
-            block.call()
-            if not into and columns is not None:
-                values[columns] = block.buffer
-
-
-_Exchange = tuple[SignalBlock, slice | NDArray[np.intp] | None]
-"""A block, and where its values lie in the vector of all inputs or outputs; None if its buffer is a part of it."""
-
-
-def _columns(columns: NDArray[np.intp]) -> slice | NDArray[np.intp]:
-    """Return ``columns`` as a slice where they are side by side: it is exchanged without a search."""
-    first = int(columns[0])
-    is_run = np.array_equal(columns, np.arange(first, first + len(columns)))
-    return slice(first, first + len(columns)) if is_run else columns

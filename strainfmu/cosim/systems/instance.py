@@ -128,6 +128,7 @@ class SignalBlock:
     Attributes
     ----------
     call : the FMI function, checked, with component, value references and buffer bound.
+    function, address, references : name and address of that function, and the value references in C.
     buffer : (k,) values, exchanged in place.
     columns : (k,) where they lie in the master's vector of all signals.
     """
@@ -135,6 +136,9 @@ class SignalBlock:
     call: Callable[[], None]
     buffer: NDArray[Any]
     columns: NDArray[np.intp]
+    function: str
+    address: int
+    references: Any
 
 
 class Instance:
@@ -196,7 +200,7 @@ class Instance:
         """Return text in one line, files of the FMU by their names in it, not in the folder that goes again."""
         return _one_line(text).replace(self._folder, "")
 
-    def _check(self, function: str, status: int, when: str = "") -> None:
+    def check(self, function: str, status: int, when: str = "") -> None:
         """Turn a bad status into an error that holds the FMU's own words."""
         if status <= _FMI2_WARNING:
             return
@@ -214,6 +218,16 @@ class Instance:
     def _unconverted(self, name: str) -> Any:
         """Return the bare C function for arguments that are ctypes' own and of its types: it converts none."""
         return self._fmu.dll[name]
+
+    def address_of(self, name: str) -> int:
+        """Return the address of a C function."""
+        return ctypes.cast(self._unconverted(name), ctypes.c_void_p).value or 0
+
+    @property
+    def component(self) -> int:
+        """The instance's address."""
+        address: int = self._fmu.component
+        return address
 
     def _component(self) -> Any:
         """Return the instance's address as such an argument."""
@@ -273,23 +287,21 @@ class Instance:
         def call() -> None:
             status = c_function(component, first_reference, count, first_value)
             if status:
-                self._check(function, status)
+                self.check(function, status)
 
-        return SignalBlock(call, buffer, columns)
+        return SignalBlock(call, buffer, columns, function, self.address_of(function), value_references)
 
     def begin(self, stop_time: float) -> None:
         """Enter initialization mode of an experiment from 0 to ``stop_time`` [s]."""
         component = self._fmu.component
-        self._check(
+        self.check(
             "fmi2SetupExperiment", self._function("fmi2SetupExperiment")(component, 0, 0.0, 0.0, 1, stop_time)
         )
-        self._check("fmi2EnterInitializationMode", self._function("fmi2EnterInitializationMode")(component))
+        self.check("fmi2EnterInitializationMode", self._function("fmi2EnterInitializationMode")(component))
 
     def end_initialization(self) -> None:
         """Leave initialization mode."""
-        self._check(
-            "fmi2ExitInitializationMode", self._function("fmi2ExitInitializationMode")(self._fmu.component)
-        )
+        self.check("fmi2ExitInitializationMode", self._function("fmi2ExitInitializationMode")(self._fmu.component))
         self._initialized = True
 
     def stepper(self) -> Callable[[float, float], None]:
@@ -301,7 +313,7 @@ class Instance:
             start.value, size.value = time, step_size
             status = do_step(component, start, size, no_going_back)
             if status:
-                self._check("fmi2DoStep", status, f" at time {time:.6g} s")
+                self.check("fmi2DoStep", status, f" at time {time:.6g} s")
 
         return step
 

@@ -60,7 +60,7 @@ def test_without_dynamic_pressure_there_are_no_coefficients(synthetic: Synthetic
 def fail(step: FmuStep, status: str) -> None:
     """Let the next doStep end with ``status``, in the words of the instance."""
 
-    def broken(time: float, step_size: float) -> None:
+    def broken(step_size: float) -> None:
         raise StrainfmuError(f"{step.path}: instance 'bridge': fmi2DoStep returned {status}: no reason")
 
     step._step = broken

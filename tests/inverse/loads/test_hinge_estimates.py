@@ -11,6 +11,7 @@ import cantools
 import numpy as np
 import pytest
 from can_case import CYCLE, bus_options
+from composed_frames import ResultFrames
 from raw_fmu import OK, Fmu2, Fmu3, write_resource
 from recorded_case import read_csv, write_csv
 from shape_case import flown, grid_conditions, shape_map, shape_structure, shape_vehicle
@@ -21,7 +22,7 @@ from builder.vehicle.map.options import BendingMoment, HingeMoment, Region
 from strainfmu.can.machine import Result
 from strainfmu.can.profiles import Identifiers
 from strainfmu.can.quality import Quality
-from strainfmu.can.result_frames import ResultFrames, result_layouts
+from strainfmu.can.result_frames import result_layouts
 from strainfmu.can.setup import write_dbc
 from strainfmu.cosim.estimators.source import open_step
 from strainfmu.cosim.estimators.step import load_groups_of
