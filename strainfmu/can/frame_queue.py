@@ -51,7 +51,8 @@ class FrameQueue:
     def put(self, frame: Frame, is_received: bool) -> None:
         """Take in a frame."""
         try:
-            HEAD.pack_into(self._head, 0, frame.time, frame.key, len(frame.data), flags_of(frame), is_received, 0)
+            head = frame.time, frame.key, len(frame.data), flags_of(frame), is_received, 0
+            HEAD.pack_into(self._head, 0, *head)
         except (struct.error, TypeError):  # no log can hold this frame
             self._numbers[_LOST] += 1
         else:

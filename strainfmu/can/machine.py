@@ -303,7 +303,8 @@ class Machine:
 
     def receive(self, frame: Frame) -> list[Result]:
         """Take in one frame; return the results that are ready with it, in order."""
-        HEAD.pack_into(self._heard, 0, frame.time, frame.key, len(frame.data), flags_of(frame), 1, 0)
+        head = frame.time, frame.key, len(frame.data), flags_of(frame), 1, 0
+        HEAD.pack_into(self._heard, 0, *head)
         return self._offer(frame.time, frame.data, frame)
 
     def hear(self, message: Any, time: float) -> list[Result]:
@@ -326,7 +327,8 @@ class Machine:
                 or not 0 <= identifier <= LARGEST_IDENTIFIER
             ):
                 return self.receive(from_message(message, time))
-            HEAD.pack_into(self._heard, 0, time, identifier | wide, len(data), flags, 1, 0)
+            head = time, identifier | wide, len(data), flags, 1, 0
+            HEAD.pack_into(self._heard, 0, *head)
         except (KeyError, TypeError, struct.error):
             return self.receive(from_message(message, time))
         return self._offer(time, bytes(data), message)
