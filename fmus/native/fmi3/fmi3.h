@@ -8,7 +8,7 @@
 
 #include "../core/instance.h"
 
-/* Value reference of the scalar variable 0; strainfmu/fmu/description/fmi3.py states the same. */
+/* Value reference of the scalar variable 0; strainfmu/fmu/description/model_description.py states the same. */
 #define FMI3_FIRST_SCALAR 1000000u
 
 /* Value reference of the first variable of the first port: received data, data to send, their clocks, then counters.
