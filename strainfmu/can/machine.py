@@ -55,6 +55,7 @@ from strainfmu.cosim.estimators.step import (
 )
 from strainfmu.errors import InputError
 from strainfmu.estimator.core import library as library_of_estimator
+from strainfmu.estimator.signal_names import COEFFICIENT_ARRAY, STRAIN
 
 _TAKEN, _READY, _AGAIN, _AUTHENTICATE, _OTHER = range(5)
 """What a frame brings, in the order of bus.h and bridge.h."""
@@ -162,7 +163,7 @@ class Result:
 
 
 _SET_LATER = frozenset(
-    ("valid", "strain", "reasons", "other_inputs", "coefficients", "coefficients_std", "other_outputs")
+    ("valid", STRAIN, "reasons", "other_inputs", COEFFICIENT_ARRAY, f"{COEFFICIENT_ARRAY}_std", "other_outputs")
 )
 
 
@@ -566,7 +567,7 @@ class Machine:
             results.append(result)
 
     def _split(self, flow: FloatArray) -> tuple[dict[str, float], dict[str, float]]:
-        """Return the inputs of the estimator by name, and those of navigation."""
+        """Return the estimator's inputs and what navigation gives, by name."""
         known = dict(zip(self.plan.quantities, flow.tolist(), strict=True)) | self._constants
         known.pop(DYNAMIC_PRESSURE, nan)
         return known, {name: known.pop(name, nan) for name in NAVIGATION}

@@ -215,7 +215,7 @@ FIRST_OTHER = 11
 
 
 def output_names(layouts: Sequence[FrameLayout]) -> tuple[str, ...]:
-    """Return the names of those of the estimator's other outputs that the frames state."""
+    """Return the names of the estimator's other outputs that the frames state."""
     return ENVELOPE_SCORE, *other_loads(layouts)
 
 

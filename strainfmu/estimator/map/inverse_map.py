@@ -281,7 +281,7 @@ class InverseMap(MapRecord, where="inverse map"):
     @property
     def n_loads(self) -> int:
         """Number of loads n_f."""
-        return len(self.load_of_mean)
+        return self.load_of_mean.size
 
     @property
     def has_other_loads(self) -> bool:

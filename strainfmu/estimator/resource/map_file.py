@@ -42,7 +42,7 @@ from strainfmu.estimator.map.sensors import CHANNELS, LARGEST_RISE, InertiaMap, 
 from strainfmu.estimator.numerics import arrow_triangle, householder, product
 from strainfmu.estimator.other_loads import FIVE_LOADS, OTHER_LOADS, load_arrays
 from strainfmu.estimator.resource.compact_tables import ChannelTables, channel_tables, error_products, factors
-from strainfmu.estimator.signal_names import NOT_KNOWN, TARE
+from strainfmu.estimator.signal_names import NOT_KNOWN, STRAIN, TARE
 
 MAGIC = b"SFMUMAP\0"
 FORMAT_VERSION = 8
@@ -228,7 +228,7 @@ def _covariances(place: str, before: str, columns: str, errors: str) -> tuple[En
     """
 
     def parts(source: Any) -> tuple[FloatArray, FloatArray, FloatArray]:
-        strain, load = (getattr(source.tables, f"{columns}_{rows}") for rows in ("strain", "load"))
+        strain, load = (getattr(source.tables, f"{columns}_{rows}") for rows in (STRAIN, "load"))
         return strain, load[FIVE_LOADS], load[OTHER_LOADS]
 
     def covariance(first: int, second: int) -> Callable[[Any], FloatArray]:
