@@ -169,7 +169,7 @@ KINDS: dict[str, Kind] = {
     "scaled_sensors": _linear(lambda: with_sensors(_warm(whole_scaled_map(1, seed=5, n=24, n_states=3)))),
     "scaled_sections": _linear(lambda: with_own_further(whole_scaled_map(2, seed=6, n=20, n_states=25))),
     "scaled_parameters": _linear(lambda: with_parameters(whole_scaled_map(1, seed=7, n=18, n_states=4))),
-    "scaled_calibrated": _linear(lambda: calibrated("linear"), digits=2e-8),
+    "scaled_calibrated": _linear(lambda: calibrated("linear"), digits=1e-9),
     "scaled_air_sources": _linear(lambda: whole_scaled_map(2, seed=9, n=18, n_states=4)),
     "scaled_masses": _linear(lambda: with_masses(_warm(whole_scaled_map(2, seed=10, n=20, n_states=25)))),
     # Tables over the flight state.

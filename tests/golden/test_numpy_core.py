@@ -7,7 +7,7 @@ import pytest
 from comparison import differences
 from estimator_carrier import by_estimator, estimator_for
 from inputs import recorded
-from kinds import KINDS, map_of_kind
+from kinds import KINDS, OF_DIGITS, map_of_kind
 from numpy_core import ByNumpy
 
 pytestmark = pytest.mark.fast
@@ -31,7 +31,7 @@ def test_linear_maps_by_numpy(kind: str) -> None:
         found = by_estimator(estimator_for(estimator, inputs), inputs, "each", 1.0)
         apart = differences(expected, found)
         for name in close:
-            tolerance = max(1e-8 if name == "chi_square_limit" else 1e-9, KINDS[kind].digits)
+            tolerance = max(1e-8 if name == "chi_square_limit" else 1e-9, OF_DIGITS * KINDS[kind].digits)
             assert np.nanmax(apart.get(name, 0.0), initial=0.0) <= tolerance, name
         np.testing.assert_array_equal(found["health"], expected["health"])
         streams += 1
