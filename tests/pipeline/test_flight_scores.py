@@ -77,7 +77,7 @@ def test_the_estimator_of_a_vehicle_file_may_be_replaced() -> None:
         with_estimator(listed, "nonlinear")
     with pytest.raises(InputError, match=r"^--estimator: .* got 'manifold', now called 'nonlinear'$"):
         # The former name, which the type no longer has.
-        with_estimator(vehicle, "manifold")  # type: ignore[arg-type]
+        with_estimator(vehicle, "manifold")  # type: ignore[arg-type]  # no estimator has the name
 
 
 def at(*conditions: tuple[float, float]) -> Any:

@@ -158,7 +158,7 @@ def with_entries(vehicle: Vehicle, section: str, **entries: object) -> Vehicle:
 def test_cheap_flows_of_a_shape_set_levels_and_those_by_euler_do_on_request() -> None:
     finned, cone = (load_vehicle(VEHICLES / f"{name}.toml") for name in ("finned_body", "elliptic_cone"))
     reporter, notes = Silent(), list[str]()
-    reporter.note = notes.append  # type: ignore[method-assign]
+    reporter.note = notes.append  # type: ignore[method-assign]  # notes are kept
     for vehicle, wanted, said in (
         (finned, True, ""),
         (cone, False, "from the theory, its 200 flows by euler"),

@@ -300,7 +300,7 @@ def test_false_alarms_are_as_stated(estimator: str, shipped: World) -> None:
 
 
 def test_the_tables_of_a_map_are_as_good_at_small_incidence(shipped: World) -> None:
-    """Of the shipped vehicle, 2,000 samples in a band: loads within 0.6 of those of the map's linear one."""
+    """Shipped vehicle, 2,000 samples in a band: load errors are below 0.6 times the linear estimator's."""
     plan = Plan(vehicles=10, estimators=["linear", "nonlinear"])
     for size in ("0 to 0.25 deg", "0.5 to 1 deg"):
         case = case_of(shipped.vehicle, "incidence", size, "incidence")

@@ -55,7 +55,7 @@ def entries_in(folder: Path) -> list[dict[str, Any]]:
 @pytest.mark.slow
 @pytest.mark.usefixtures("compiled_solver")
 def test_from_vehicle_file_to_table(tmp_path: Path, run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The coarse test vehicle, its alarm levels those of the theory, few flows: all of which saves time."""
+    """The coarse test vehicle with theoretical alarm levels and few flows, to save time."""
     for name in ("MACH_KNOTS", "INCIDENCE_KNOTS"):
         monkeypatch.setattr(conditions, name, 4)
     vehicle = copied_ogive(tmp_path / "vehicle")

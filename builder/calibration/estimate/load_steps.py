@@ -85,7 +85,7 @@ class SteppedCase:
 
     @property
     def return_to_zero(self) -> FloatArray:
-        """(n, n_d) the last reading without load less the first one [m/m], one row; none without both."""
+        """(n, n_d) last reading without load minus the first [m/m]: one row, or no row where either is missing."""
         return self.change(self.without_load)[0]
 
 

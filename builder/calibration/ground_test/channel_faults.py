@@ -63,7 +63,7 @@ class Steadiness:
     repeats: float
 
     def too_many(self, value: float, samples: FloatArray) -> bool:
-        """Return whether more of ``samples`` (n,) are at ``value`` [m/m] than a sound channel has there."""
+        """Return whether ``samples`` (n,) equal ``value`` [m/m] more often than readings of a sound channel do."""
         most = float(self.most[int(np.abs(self.place - value).argmin())])
         repeated = int(np.sum(samples == value) / self.repeats)
         independent = int(np.ceil(len(samples) / self.repeats))

@@ -70,7 +70,7 @@ class ReferenceEntries(Section):
 
 
 class WholeFile(Section):
-    """A file that names others, relative to itself."""
+    """A file that names further files by paths relative to its own folder."""
 
     _path: Path = PrivateAttr(default=Path("test.toml"))
 
@@ -80,7 +80,7 @@ class WholeFile(Section):
         return self._path
 
     def beside(self, name: str) -> Path:
-        """Return the path of a file named in this one."""
+        """Return the path of a file that this file names."""
         return self._path.parent / name
 
 
