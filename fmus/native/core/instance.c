@@ -431,18 +431,11 @@ static int adjoint_derivative(Instance *instance, const char *function, const Re
     return STATUS_OK;
 }
 
-int instance_directional_derivative(Instance *instance, const char *function, const References *unknowns,
-                                    const References *knowns, const double *seed, double *sensitivity) {
+int instance_derivative(Instance *instance, const char *function, const References *unknowns, const References *knowns,
+                        const double *seed, double *sensitivity, int is_adjoint) {
     const Floating host = floating_enter();
-    const int status = directional_derivative(instance, function, unknowns, knowns, seed, sensitivity);
-    floating_leave(&host);
-    return status;
-}
-
-int instance_adjoint_derivative(Instance *instance, const char *function, const References *unknowns,
-                                const References *knowns, const double *seed, double *sensitivity) {
-    const Floating host = floating_enter();
-    const int status = adjoint_derivative(instance, function, unknowns, knowns, seed, sensitivity);
+    const int status = (is_adjoint ? adjoint_derivative : directional_derivative)(instance, function, unknowns, knowns, seed,
+                                                                                  sensitivity);
     floating_leave(&host);
     return status;
 }

@@ -106,10 +106,8 @@ typedef struct {
 
 /* Partial derivatives of real outputs, the unknowns, by real inputs and parameters, the knowns: along a seed of the knowns, or
    of the unknowns weighted with a seed, by each known. A status. */
-int instance_directional_derivative(Instance *instance, const char *function, const References *unknowns,
-                                    const References *knowns, const double *seed, double *sensitivity);
-int instance_adjoint_derivative(Instance *instance, const char *function, const References *unknowns,
-                                const References *knowns, const double *seed, double *sensitivity);
+int instance_derivative(Instance *instance, const char *function, const References *unknowns, const References *knowns,
+                        const double *seed, double *sensitivity, int is_adjoint);
 
 /* Log a message as printf does; STATUS_ERROR. */
 int instance_error(const Instance *instance, const char *format, ...);

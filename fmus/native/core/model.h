@@ -21,7 +21,7 @@
 
 #define WRONG_TYPE "value reference %lu is no variable of that type"
 
-typedef enum { REAL, INTEGER, BOOLEAN, ENUMERATION, NO_VARIABLE } Type;
+typedef enum { REAL, INTEGER, BOOLEAN, ENUMERATION, TEXT, NO_VARIABLE } Type; /* no variable is a TEXT */
 
 /* Modes of an instance; sums of them are sets of modes. */
 typedef enum {

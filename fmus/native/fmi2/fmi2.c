@@ -56,16 +56,16 @@ fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean toleranceDefined, fm
                                fmi2Boolean stopTimeDefined, fmi2Real stopTime) {
     (void)toleranceDefined;
     (void)tolerance;
-    return (fmi2Status)instance_start_at(c, "fmi2SetupExperiment", startTime, stopTimeDefined, stopTime);
+    return (fmi2Status)instance_start_at(c, __func__, startTime, stopTimeDefined, stopTime);
 }
 
 fmi2Status fmi2EnterInitializationMode(fmi2Component c) {
-    return (fmi2Status)instance_enter(c, "fmi2EnterInitializationMode", INSTANTIATED, INITIALIZATION);
+    return (fmi2Status)instance_enter(c, __func__, INSTANTIATED, INITIALIZATION);
 }
 
 fmi2Status fmi2ExitInitializationMode(fmi2Component c) {
     const Instance *s = c;
-    return (fmi2Status)instance_end_initialization(c, "fmi2ExitInitializationMode",
+    return (fmi2Status)instance_end_initialization(c, __func__,
                                                    s != NULL && s->kind == MODEL_EXCHANGE_2 ? EVENT : STEP);
 }
 
@@ -74,7 +74,7 @@ fmi2Status fmi2ExitInitializationMode(fmi2Component c) {
 fmi2Status fmi2DoStep(fmi2Component c, fmi2Real currentCommunicationPoint, fmi2Real communicationStepSize,
                       fmi2Boolean noSetFMUStatePriorToCurrentPoint) {
     (void)noSetFMUStatePriorToCurrentPoint;
-    return (fmi2Status)instance_step(c, "fmi2DoStep", currentCommunicationPoint, communicationStepSize);
+    return (fmi2Status)instance_step(c, __func__, currentCommunicationPoint, communicationStepSize);
 }
 
 #define NO_DERIVATIVES_BY_TIME(function, Values)                                                               \
@@ -89,7 +89,7 @@ NO_DERIVATIVES_BY_TIME(fmi2SetRealInputDerivatives, const fmi2Real)
 NO_DERIVATIVES_BY_TIME(fmi2GetRealOutputDerivatives, fmi2Real)
 
 fmi2Status fmi2CancelStep(fmi2Component c) {
-    return (fmi2Status)instance_not_offered(c, "fmi2CancelStep");
+    return (fmi2Status)instance_not_offered(c, __func__);
 }
 
 /* No step is ever pending, so the status of steps is known only by fmi2DoStep itself. */
@@ -131,12 +131,11 @@ fmi2Status fmi2GetBooleanStatus(fmi2Component c, const fmi2StatusKind s, fmi2Boo
 /* Model exchange. */
 
 fmi2Status fmi2EnterEventMode(fmi2Component c) {
-    return (fmi2Status)instance_enter(c, "fmi2EnterEventMode", EVENT | CONTINUOUS_TIME, EVENT);
+    return (fmi2Status)instance_enter(c, __func__, EVENT | CONTINUOUS_TIME, EVENT);
 }
 
 fmi2Status fmi2NewDiscreteStates(fmi2Component c, fmi2EventInfo *eventInfo) {
-    static const char NAME[] = "fmi2NewDiscreteStates";
-    if (!instance_allows(c, NAME, EVENT) || !instance_given(c, NAME, eventInfo)) {
+    if (!instance_allows(c, __func__, EVENT) || !instance_given(c, __func__, eventInfo)) {
         return fmi2Error;
     }
     instance_follow_event(c);
@@ -145,7 +144,7 @@ fmi2Status fmi2NewDiscreteStates(fmi2Component c, fmi2EventInfo *eventInfo) {
 }
 
 fmi2Status fmi2EnterContinuousTimeMode(fmi2Component c) {
-    return (fmi2Status)instance_go_on(c, "fmi2EnterContinuousTimeMode", EVENT);
+    return (fmi2Status)instance_go_on(c, __func__, EVENT);
 }
 
 /* The variables of a list; a run if they follow each other without a gap. */
@@ -157,56 +156,37 @@ static Selection selection_of(const fmi2ValueReference vr[], size_t nvr) {
     return nvr > 0 && gaps == 0 ? (Selection){NULL, vr[0], nvr} : (Selection){vr, 0, nvr};
 }
 
-/* fmi2GetReal, fmi2SetReal and the like. Integers and Booleans are both int in C. */
-#define GET(Name, type)                                                                                        \
-    fmi2Status fmi2Get##Name(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, fmi2##Name value[]) { \
-        Instance *s = c;                                                                                       \
-        char text[MODEL_TEXT_SIZE];                                                                            \
-        if (!instance_allows(s, "fmi2Get" #Name, READABLE) || !instance_lists(s, "fmi2Get" #Name, nvr, vr, value)) {                                 \
-            return fmi2Error;                                                                                  \
-        }                                                                                                      \
-        const Selection which = selection_of(vr, nvr);                                                         \
-        return model_get(s->model, type, &which, value, text)                                                  \
-                 ? fmi2OK                                                                                      \
-                 : (fmi2Status)instance_error(s, "fmi2Get" #Name ": %s", text);                                \
-    }
-
-#define SET(Name, type)                                                                                              \
-    fmi2Status fmi2Set##Name(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, const fmi2##Name value[]) { \
-        Instance *s = c;                                                                                             \
-        char text[MODEL_TEXT_SIZE];                                                                                  \
-        if (!instance_allows(s, "fmi2Set" #Name, SETTABLE) || !instance_lists(s, "fmi2Set" #Name, nvr, vr, value)) {                                       \
-            return fmi2Error;                                                                                        \
-        }                                                                                                            \
-        const Selection which = selection_of(vr, nvr);                                                               \
-        return model_set(s->model, type, &which, value, text)                                                        \
-                 ? fmi2OK                                                                                            \
-                 : (fmi2Status)instance_error(s, "fmi2Set" #Name ": %s", text);                                      \
-    }
-
-GET(Real, REAL)
-GET(Integer, INTEGER)
-GET(Boolean, BOOLEAN)
-SET(Real, REAL)
-SET(Integer, INTEGER)
-SET(Boolean, BOOLEAN)
-
-/* There are no Strings: lists of them are empty. */
-static fmi2Status no_strings(Instance *s, const char *function, int modes, const fmi2ValueReference vr[], size_t nvr,
-                             const void *value) {
-    if (!instance_allows(s, function, modes) || !instance_lists(s, function, nvr, vr, value)) {
+/* Read or set variables of a type, by a function of that name. There are no Strings: lists of them are empty. */
+static fmi2Status get(Instance *s, const char *function, Type type, const fmi2ValueReference vr[], size_t nvr, void *value) {
+    char text[MODEL_TEXT_SIZE];
+    if (!instance_allows(s, function, READABLE) || !instance_lists(s, function, nvr, vr, value)) {
         return fmi2Error;
     }
-    return nvr == 0 ? fmi2OK : (fmi2Status)instance_error(s, "%s: " WRONG_TYPE, function, (unsigned long)vr[0]);
+    const Selection which = selection_of(vr, nvr);
+    return model_get(s->model, type, &which, value, text) ? fmi2OK : (fmi2Status)instance_error(s, "%s: %s", function, text);
 }
 
-fmi2Status fmi2GetString(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, fmi2String value[]) {
-    return no_strings(c, "fmi2GetString", READABLE, vr, nvr, value);
+static fmi2Status set(Instance *s, const char *function, Type type, const fmi2ValueReference vr[], size_t nvr,
+                      const void *value) {
+    char text[MODEL_TEXT_SIZE];
+    if (!instance_allows(s, function, SETTABLE) || !instance_lists(s, function, nvr, vr, value)) {
+        return fmi2Error;
+    }
+    const Selection which = selection_of(vr, nvr);
+    return model_set(s->model, type, &which, value, text) ? fmi2OK : (fmi2Status)instance_error(s, "%s: %s", function, text);
 }
 
-fmi2Status fmi2SetString(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, const fmi2String value[]) {
-    return no_strings(c, "fmi2SetString", SETTABLE, vr, nvr, value);
-}
+#define GET_AND_SET(Name, type)                                                                                      \
+    fmi2Status fmi2Get##Name(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, fmi2##Name value[]) {       \
+        return get(c, __func__, type, vr, nvr, value);                                                               \
+    }                                                                                                                \
+    fmi2Status fmi2Set##Name(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, const fmi2##Name value[]) { \
+        return set(c, __func__, type, vr, nvr, value);                                                               \
+    }
+GET_AND_SET(Real, REAL)
+GET_AND_SET(Integer, INTEGER)
+GET_AND_SET(Boolean, BOOLEAN)
+GET_AND_SET(String, TEXT)
 
 /* A value reference is the number of its variable. */
 static Selection variable_of_reference(const Instance *s, unsigned reference) {
@@ -219,6 +199,5 @@ fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReferenc
                                         fmi2Real dvUnknown[]) {
     const References unknowns = {vUnknown_ref, nUnknown, nUnknown, variable_of_reference};
     const References knowns = {vKnown_ref, nKnown, nKnown, variable_of_reference};
-    return (fmi2Status)instance_directional_derivative(c, "fmi2GetDirectionalDerivative", &unknowns, &knowns, dvKnown,
-                                                       dvUnknown);
+    return (fmi2Status)instance_derivative(c, __func__, &unknowns, &knowns, dvKnown, dvUnknown, 0);
 }

@@ -16,6 +16,9 @@
 #define FMI3_FIRST_PORT 2000000u
 #define FMI3_REFERENCES_OF_PORT 32u
 
+/* The parameters that every function of variables begins with. */
+#define VARIABLES fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences
+
 /* The scalar variables of a value reference; none for time and for what does not exist. */
 static inline Selection fmi3_array(const Instance *instance, fmi3ValueReference reference) {
     if (reference >= FMI3_FIRST_PORT) {

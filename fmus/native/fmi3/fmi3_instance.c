@@ -72,44 +72,43 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String instanceName, fmi3String ins
 
 fmi3Status fmi3EnterInitializationMode(fmi3Instance instance, fmi3Boolean toleranceDefined, fmi3Float64 tolerance,
                                        fmi3Float64 startTime, fmi3Boolean stopTimeDefined, fmi3Float64 stopTime) {
-    static const char NAME[] = "fmi3EnterInitializationMode";
     (void)toleranceDefined;
     (void)tolerance;
-    if (instance_start_at(instance, NAME, startTime, stopTimeDefined, stopTime) != STATUS_OK) {
+    if (instance_start_at(instance, __func__, startTime, stopTimeDefined, stopTime) != STATUS_OK) {
         return fmi3Error;
     }
-    return (fmi3Status)instance_enter(instance, NAME, INSTANTIATED, INITIALIZATION);
+    return (fmi3Status)instance_enter(instance, __func__, INSTANTIATED, INITIALIZATION);
 }
 
 fmi3Status fmi3ExitInitializationMode(fmi3Instance instance) {
     const Instance *s = instance;
     const int has_events = s != NULL && (s->kind == MODEL_EXCHANGE_3 || s->node != NULL);
-    return (fmi3Status)instance_end_initialization(instance, "fmi3ExitInitializationMode", has_events ? EVENT : STEP);
+    return (fmi3Status)instance_end_initialization(instance, __func__, has_events ? EVENT : STEP);
 }
 
 fmi3Status fmi3EnterEventMode(fmi3Instance instance) {
     const Instance *s = instance;
     const int from = s == NULL ? 0 : s->kind == MODEL_EXCHANGE_3 ? EVENT | CONTINUOUS_TIME : s->node != NULL ? STEP : 0;
-    return (fmi3Status)instance_enter(instance, "fmi3EnterEventMode", from, EVENT);
+    return (fmi3Status)instance_enter(instance, __func__, from, EVENT);
 }
 
 fmi3Status fmi3EnterConfigurationMode(fmi3Instance instance) {
-    return (fmi3Status)instance_enter(instance, "fmi3EnterConfigurationMode", INSTANTIATED, CONFIGURATION);
+    return (fmi3Status)instance_enter(instance, __func__, INSTANTIATED, CONFIGURATION);
 }
 
 fmi3Status fmi3ExitConfigurationMode(fmi3Instance instance) {
-    return (fmi3Status)instance_enter(instance, "fmi3ExitConfigurationMode", CONFIGURATION, INSTANTIATED);
+    return (fmi3Status)instance_enter(instance, __func__, CONFIGURATION, INSTANTIATED);
 }
 
 fmi3Status fmi3EvaluateDiscreteStates(fmi3Instance instance) {
-    return instance_allows(instance, "fmi3EvaluateDiscreteStates", INITIALIZATION | EVENT) ? fmi3OK : fmi3Error;
+    return instance_allows(instance, __func__, INITIALIZATION | EVENT) ? fmi3OK : fmi3Error;
 }
 
 fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, fmi3Boolean *discreteStatesNeedUpdate,
                                     fmi3Boolean *terminateSimulation, fmi3Boolean *nominalsOfContinuousStatesChanged,
                                     fmi3Boolean *valuesOfContinuousStatesChanged, fmi3Boolean *nextEventTimeDefined,
                                     fmi3Float64 *nextEventTime) {
-    if (!instance_allows(instance, "fmi3UpdateDiscreteStates", EVENT)) {
+    if (!instance_allows(instance, __func__, EVENT)) {
         return fmi3Error;
     }
     fmi3Boolean *const answers[] = {discreteStatesNeedUpdate, terminateSimulation, nominalsOfContinuousStatesChanged,
@@ -131,22 +130,21 @@ fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, fmi3Boolean *discrete
 fmi3Status fmi3EnterStepMode(fmi3Instance instance) {
     const Instance *s = instance;
     const int allowed = s != NULL && s->kind == CO_SIMULATION_3;
-    return (fmi3Status)instance_enter(instance, "fmi3EnterStepMode", allowed ? EVENT : 0, STEP);
+    return (fmi3Status)instance_enter(instance, __func__, allowed ? EVENT : 0, STEP);
 }
 
 fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 currentCommunicationPoint,
                       fmi3Float64 communicationStepSize, fmi3Boolean noSetFMUStatePriorToCurrentPoint,
                       fmi3Boolean *eventHandlingNeeded, fmi3Boolean *terminateSimulation, fmi3Boolean *earlyReturn,
                       fmi3Float64 *lastSuccessfulTime) {
-    static const char NAME[] = "fmi3DoStep";
     Instance *s = instance;
     (void)noSetFMUStatePriorToCurrentPoint;
-    if (!instance_allows(s, NAME, STEP) || !instance_given(s, NAME, eventHandlingNeeded)
-        || !instance_given(s, NAME, terminateSimulation) || !instance_given(s, NAME, earlyReturn)
-        || !instance_given(s, NAME, lastSuccessfulTime)) {
+    if (!instance_allows(s, __func__, STEP) || !instance_given(s, __func__, eventHandlingNeeded)
+        || !instance_given(s, __func__, terminateSimulation) || !instance_given(s, __func__, earlyReturn)
+        || !instance_given(s, __func__, lastSuccessfulTime)) {
         return fmi3Error;
     }
-    const int status = instance_step(s, NAME, currentCommunicationPoint, communicationStepSize);
+    const int status = instance_step(s, __func__, currentCommunicationPoint, communicationStepSize);
     if (status != STATUS_ERROR) {
         *eventHandlingNeeded = fmi3_is_due(s) ? fmi3True : fmi3False;
         *earlyReturn = fmi3False;
@@ -161,7 +159,7 @@ fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 currentCommunicationPoi
 fmi3Status fmi3EnterContinuousTimeMode(fmi3Instance instance) {
     const Instance *s = instance;
     const int allowed = s != NULL && s->kind == MODEL_EXCHANGE_3;
-    return (fmi3Status)instance_go_on(instance, "fmi3EnterContinuousTimeMode", allowed ? EVENT : 0);
+    return (fmi3Status)instance_go_on(instance, __func__, allowed ? EVENT : 0);
 }
 
 static fmi3Status none(Instance *s, const char *function, size_t *number) {
@@ -173,9 +171,9 @@ static fmi3Status none(Instance *s, const char *function, size_t *number) {
 }
 
 fmi3Status fmi3GetNumberOfEventIndicators(fmi3Instance instance, size_t *nEventIndicators) {
-    return none(instance, "fmi3GetNumberOfEventIndicators", nEventIndicators);
+    return none(instance, __func__, nEventIndicators);
 }
 
 fmi3Status fmi3GetNumberOfContinuousStates(fmi3Instance instance, size_t *nContinuousStates) {
-    return none(instance, "fmi3GetNumberOfContinuousStates", nContinuousStates);
+    return none(instance, __func__, nContinuousStates);
 }

@@ -22,25 +22,33 @@ typedef struct {
     size_t port, number;
 } Member;
 
-/* Whether a function is allowed in the mode of the instance, with lists of so many references and values. */
-static int may(Instance *s, const char *function, int modes, const fmi3ValueReference references[], size_t n,
-               const void *values, const void *more_values) {
-    return instance_allows(s, function, modes) && instance_lists(s, function, n, references, values)
-        && instance_lists(s, function, n, references, more_values);
+/* The variable of a reference, which belongs to a port. */
+static Member member_of(const Instance *s, fmi3ValueReference reference) {
+    const size_t number = reference - FMI3_FIRST_PORT, port = number / FMI3_REFERENCES_OF_PORT;
+    return (Member){node_link(s->node, port), port, number % FMI3_REFERENCES_OF_PORT};
 }
 
-/* Set `member` to the variable of a reference, which must be one of a set; 0, after a message, if it is not. */
-static int is_member(Instance *s, const char *function, fmi3ValueReference reference, unsigned set, Member *member) {
-    if (s->node != NULL && reference >= FMI3_FIRST_PORT) {
-        member->port = (reference - FMI3_FIRST_PORT) / FMI3_REFERENCES_OF_PORT;
-        member->number = (reference - FMI3_FIRST_PORT) % FMI3_REFERENCES_OF_PORT;
-        member->link = node_link(s->node, member->port);
-        if (member->link != NULL && (set >> member->number & 1u)) {
-            return 1;
+static int is_of(const Instance *s, fmi3ValueReference reference, unsigned set) {
+    const int has_ports = s->node != NULL && reference >= FMI3_FIRST_PORT;
+    const Member member = has_ports ? member_of(s, reference) : (Member){NULL, 0, 0};
+    return member.link != NULL && (set >> member.number & 1u);
+}
+
+/* Whether a function is allowed in the mode of the instance, with lists of so many references, of variables of a set, and
+   values. If not, a message reports it. */
+static int may(Instance *s, const char *function, int modes, unsigned set, const fmi3ValueReference references[], size_t n,
+               const void *values, const void *more_values) {
+    if (!instance_allows(s, function, modes) || !instance_lists(s, function, n, references, values)
+        || !instance_lists(s, function, n, references, more_values)) {
+        return 0;
+    }
+    for (size_t i = 0; i < n; i++) {
+        if (!is_of(s, references[i], set)) {
+            fmi3_wrong_type(s, function, references[i]);
+            return 0;
         }
     }
-    fmi3_wrong_type(s, function, reference);
-    return 0;
+    return 1;
 }
 
 static int is_triggered(const Instance *s) {
@@ -72,59 +80,45 @@ static int hear(Link *link, const unsigned char *bytes, size_t n) {
     return 1;
 }
 
-fmi3Status fmi3SetBinary(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,
-                         const size_t valueSizes[], const fmi3Binary values[], size_t nValues) {
-    static const char NAME[] = "fmi3SetBinary";
+fmi3Status fmi3SetBinary(VARIABLES, const size_t valueSizes[], const fmi3Binary values[], size_t nValues) {
     Instance *s = instance;
-    Member rx;
-    if (!may(s, NAME, SETTABLE, valueReferences, nValueReferences, values, valueSizes)) {
+    if (!may(s, __func__, SETTABLE, RX_DATA, valueReferences, nValueReferences, values, valueSizes)) {
         return fmi3Error;
     }
     for (size_t i = 0; i < nValues && i < nValueReferences; i++) {
-        if (!is_member(s, NAME, valueReferences[i], RX_DATA, &rx)) {
-            return fmi3Error;
-        }
         if (valueSizes[i] == 0 || s->model->mode != EVENT) {
             continue; /* start values, and what a clock without data brings */
         }
-        if (!instance_given(s, NAME, values[i]) || !hear(rx.link, values[i], valueSizes[i])) {
-            return (fmi3Status)instance_error(s, "%s: %lu bytes found, of all of an event at most %d are taken", NAME,
+        if (!instance_given(s, __func__, values[i])
+            || !hear(member_of(s, valueReferences[i]).link, values[i], valueSizes[i])) {
+            return (fmi3Status)instance_error(s, "%s: %lu bytes found, of all of an event at most %d are taken", __func__,
                                               (unsigned long)valueSizes[i], PORT_BYTES);
         }
     }
     return fmi3OK;
 }
 
-fmi3Status fmi3GetBinary(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,
-                         size_t valueSizes[], fmi3Binary values[], size_t nValues) {
-    static const char NAME[] = "fmi3GetBinary";
+fmi3Status fmi3GetBinary(VARIABLES, size_t valueSizes[], fmi3Binary values[], size_t nValues) {
     Instance *s = instance;
-    Member tx;
-    if (!may(s, NAME, READABLE, valueReferences, nValueReferences, values, valueSizes)) {
+    if (!may(s, __func__, READABLE, TX_DATA, valueReferences, nValueReferences, values, valueSizes)) {
         return fmi3Error;
     }
     for (size_t i = 0; i < nValues && i < nValueReferences; i++) {
-        if (!is_member(s, NAME, valueReferences[i], TX_DATA, &tx)) {
-            return fmi3Error;
-        }
-        values[i] = tx.link->is_ticking ? tx.link->out : NULL;
-        valueSizes[i] = tx.link->is_ticking ? tx.link->n_out : 0;
+        const Link *link = member_of(s, valueReferences[i]).link;
+        values[i] = link->is_ticking ? link->out : NULL;
+        valueSizes[i] = link->is_ticking ? link->n_out : 0;
     }
     return fmi3OK;
 }
 
-fmi3Status fmi3SetClock(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,
-                        const fmi3Clock values[]) {
-    static const char NAME[] = "fmi3SetClock";
+fmi3Status fmi3SetClock(VARIABLES, const fmi3Clock values[]) {
     Instance *s = instance;
-    Member clock;
-    if (!may(s, NAME, EVENT, valueReferences, nValueReferences, values, values)) {
+    const unsigned clocks = s != NULL && is_triggered(s) ? RX_CLOCK : RX_CLOCK | TX_CLOCK;
+    if (!may(s, __func__, EVENT, clocks, valueReferences, nValueReferences, values, values)) {
         return fmi3Error;
     }
     for (size_t i = 0; i < nValueReferences; i++) {
-        if (!is_member(s, NAME, valueReferences[i], is_triggered(s) ? RX_CLOCK : RX_CLOCK | TX_CLOCK, &clock)) {
-            return fmi3Error;
-        }
+        const Member clock = member_of(s, valueReferences[i]);
         if ((TX_CLOCK >> clock.number & 1) && values[i]) {
             s->node->kind->tick(s->node, clock.port, s->model->time);
             s->stated_due[clock.port] = INFINITY;
@@ -133,18 +127,13 @@ fmi3Status fmi3SetClock(fmi3Instance instance, const fmi3ValueReference valueRef
     return fmi3OK;
 }
 
-fmi3Status fmi3GetClock(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,
-                        fmi3Clock values[]) {
-    static const char NAME[] = "fmi3GetClock";
+fmi3Status fmi3GetClock(VARIABLES, fmi3Clock values[]) {
     Instance *s = instance;
-    Member clock;
-    if (!may(s, NAME, EVENT, valueReferences, nValueReferences, values, values)) {
+    if (!may(s, __func__, EVENT, TX_CLOCK, valueReferences, nValueReferences, values, values)) {
         return fmi3Error;
     }
     for (size_t i = 0; i < nValueReferences; i++) {
-        if (!is_member(s, NAME, valueReferences[i], TX_CLOCK, &clock)) {
-            return fmi3Error;
-        }
+        const Member clock = member_of(s, valueReferences[i]);
         if (is_triggered(s) && is_due(s, clock.port)) {
             s->node->kind->tick(s->node, clock.port, s->model->time);
         }
@@ -153,40 +142,29 @@ fmi3Status fmi3GetClock(fmi3Instance instance, const fmi3ValueReference valueRef
     return fmi3OK;
 }
 
-fmi3Status fmi3GetIntervalDecimal(fmi3Instance instance, const fmi3ValueReference valueReferences[],
-                                  size_t nValueReferences, fmi3Float64 intervals[],
-                                  fmi3IntervalQualifier qualifiers[]) {
-    static const char NAME[] = "fmi3GetIntervalDecimal";
+fmi3Status fmi3GetIntervalDecimal(VARIABLES, fmi3Float64 intervals[], fmi3IntervalQualifier qualifiers[]) {
     Instance *s = instance;
-    Member clock;
-    if (!may(s, NAME, EVENT, valueReferences, nValueReferences, intervals, qualifiers)) {
+    if (!may(s, __func__, EVENT, TX_CLOCK, valueReferences, nValueReferences, intervals, qualifiers)) {
         return fmi3Error;
     }
     for (size_t i = 0; i < nValueReferences; i++) {
-        if (!is_member(s, NAME, valueReferences[i], TX_CLOCK, &clock)) {
-            return fmi3Error;
-        }
-        const double due = node_due(s->node, clock.port), remaining = due - s->model->time;
-        const int is_known = due == s->stated_due[clock.port];
+        const size_t port = member_of(s, valueReferences[i]).port;
+        const double due = node_due(s->node, port), remaining = due - s->model->time;
+        const int is_known = due == s->stated_due[port];
         intervals[i] = due == INFINITY ? 0.0 : remaining > SHORTEST_INTERVAL ? remaining : SHORTEST_INTERVAL;
         qualifiers[i] = due == INFINITY ? fmi3IntervalNotYetKnown : is_known ? fmi3IntervalUnchanged : fmi3IntervalChanged;
-        s->stated_due[clock.port] = due;
+        s->stated_due[port] = due;
     }
     return fmi3OK;
 }
 
-fmi3Status fmi3GetUInt64(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,
-                         fmi3UInt64 values[], size_t nValues) {
-    static const char NAME[] = "fmi3GetUInt64";
+fmi3Status fmi3GetUInt64(VARIABLES, fmi3UInt64 values[], size_t nValues) {
     Instance *s = instance;
-    Member counter;
-    if (!may(s, NAME, READABLE, valueReferences, nValueReferences, values, values)) {
+    if (!may(s, __func__, READABLE, COUNTERS, valueReferences, nValueReferences, values, values)) {
         return fmi3Error;
     }
     for (size_t i = 0; i < nValueReferences && i < nValues; i++) {
-        if (!is_member(s, NAME, valueReferences[i], COUNTERS, &counter)) {
-            return fmi3Error;
-        }
+        const Member counter = member_of(s, valueReferences[i]);
         values[i] = counter.link->counter[counter.number - FIRST_COUNTER];
     }
     return fmi3OK;

@@ -17,8 +17,6 @@ static void unused(int number, ...) {
     (void)number;
 }
 
-#define VARIABLES fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences
-
 /* A function of variables, with its other parameters and their names. */
 #define NO_VARIABLES(function, parameters, ...)                                      \
     fmi3Status function parameters {                                                 \

@@ -52,12 +52,10 @@ static int is_of(const Instance *s, const Selection *array, Type type) {
 /* The values of a type of FMI 3.0 are variables of one type of the model, which reads and sets them as another: numbers as they
    are, others by the chunk. Time is no variable. */
 #define GET(Name, variables, type)                                                                     \
-    fmi3Status fmi3Get##Name(fmi3Instance instance, const fmi3ValueReference valueReferences[],        \
-                             size_t nValueReferences, fmi3##Name values[], size_t nValues) {           \
-        static const char NAME[] = "fmi3Get" #Name;                                                    \
+    fmi3Status fmi3Get##Name(VARIABLES, fmi3##Name values[], size_t nValues) {                         \
         Instance *s = instance;                                                                        \
         char text[MODEL_TEXT_SIZE];                                                                    \
-        if (!lists_fit(s, NAME, READABLE, valueReferences, nValueReferences, values, nValues)) {       \
+        if (!lists_fit(s, __func__, READABLE, valueReferences, nValueReferences, values, nValues)) {   \
             return fmi3Error;                                                                          \
         }                                                                                              \
         for (size_t i = 0; i < nValueReferences; i++) {                                                \
@@ -65,13 +63,13 @@ static int is_of(const Instance *s, const Selection *array, Type type) {
             const int is_time = type == REAL && array.count == 0;                                      \
             if (!is_time && (!is_of(s, &array, variables)                                              \
                              || (type == REAL && !model_get(s->model, type, &array, values, text)))) { \
-                return fmi3_wrong_type(s, NAME, valueReferences[i]);                                   \
+                return fmi3_wrong_type(s, __func__, valueReferences[i]);                               \
             }                                                                                          \
             for (size_t k = 0; type != REAL && k < array.count; k += CHUNK) {                          \
                 int chunk[CHUNK];                                                                      \
                 const Selection which = chunk_of(&array, k);                                           \
                 if (!model_get(s->model, type, &which, chunk, text)) {                                 \
-                    return fmi3_wrong_type(s, NAME, valueReferences[i]);                               \
+                    return fmi3_wrong_type(s, __func__, valueReferences[i]);                           \
                 }                                                                                      \
                 for (size_t j = 0; j < which.count; j++) {                                             \
                     values[k + j] = (fmi3##Name)chunk[j];                                              \
@@ -85,34 +83,32 @@ static int is_of(const Instance *s, const Selection *array, Type type) {
         return fmi3OK;                                                                                 \
     }
 
-#define SET(Name, variables, type)                                                                 \
-    fmi3Status fmi3Set##Name(fmi3Instance instance, const fmi3ValueReference valueReferences[],    \
-                             size_t nValueReferences, const fmi3##Name values[], size_t nValues) { \
-        static const char NAME[] = "fmi3Set" #Name;                                                \
-        Instance *s = instance;                                                                    \
-        char text[MODEL_TEXT_SIZE];                                                                \
-        if (!lists_fit(s, NAME, SETTABLE, valueReferences, nValueReferences, values, nValues)) {   \
-            return fmi3Error;                                                                      \
-        }                                                                                          \
-        for (size_t i = 0; i < nValueReferences; i++) {                                            \
-            const Selection array = fmi3_array(s, valueReferences[i]);                             \
-            if (!is_of(s, &array, variables)) {                                                    \
-                return fmi3_wrong_type(s, NAME, valueReferences[i]);                               \
-            }                                                                                      \
-            for (size_t k = 0; k < array.count; k += type == REAL ? array.count : CHUNK) {         \
-                int chunk[CHUNK];                                                                  \
-                const Selection which = type == REAL ? array : chunk_of(&array, k);                \
-                for (size_t j = 0; type != REAL && j < which.count; j++) {                         \
-                    chunk[j] = as_int((fmi3Int64)values[k + j]);                                   \
-                }                                                                                  \
-                const void *given = type == REAL ? (const void *)values : chunk;                   \
-                if (!model_set(s->model, type, &which, given, text)) {                             \
-                    return refused(s, NAME, valueReferences[i], text);                             \
-                }                                                                                  \
-            }                                                                                      \
-            values += array.count;                                                                 \
-        }                                                                                          \
-        return fmi3OK;                                                                             \
+#define SET(Name, variables, type)                                                                   \
+    fmi3Status fmi3Set##Name(VARIABLES, const fmi3##Name values[], size_t nValues) {                 \
+        Instance *s = instance;                                                                      \
+        char text[MODEL_TEXT_SIZE];                                                                  \
+        if (!lists_fit(s, __func__, SETTABLE, valueReferences, nValueReferences, values, nValues)) { \
+            return fmi3Error;                                                                        \
+        }                                                                                            \
+        for (size_t i = 0; i < nValueReferences; i++) {                                              \
+            const Selection array = fmi3_array(s, valueReferences[i]);                               \
+            if (!is_of(s, &array, variables)) {                                                      \
+                return fmi3_wrong_type(s, __func__, valueReferences[i]);                             \
+            }                                                                                        \
+            for (size_t k = 0; k < array.count; k += type == REAL ? array.count : CHUNK) {           \
+                int chunk[CHUNK];                                                                    \
+                const Selection which = type == REAL ? array : chunk_of(&array, k);                  \
+                for (size_t j = 0; type != REAL && j < which.count; j++) {                           \
+                    chunk[j] = as_int((fmi3Int64)values[k + j]);                                     \
+                }                                                                                    \
+                const void *given = type == REAL ? (const void *)values : chunk;                     \
+                if (!model_set(s->model, type, &which, given, text)) {                               \
+                    return refused(s, __func__, valueReferences[i], text);                           \
+                }                                                                                    \
+            }                                                                                        \
+            values += array.count;                                                                   \
+        }                                                                                            \
+        return fmi3OK;                                                                               \
     }
 
 /* The nearest int: no variable takes a number beyond. */
@@ -135,12 +131,12 @@ fmi3Status fmi3GetDirectionalDerivative(fmi3Instance instance, const fmi3ValueRe
                                         const fmi3ValueReference knowns[], size_t nKnowns, const fmi3Float64 seed[],
                                         size_t nSeed, fmi3Float64 sensitivity[], size_t nSensitivity) {
     const References of = {unknowns, nUnknowns, nSensitivity, fmi3_array}, by = {knowns, nKnowns, nSeed, fmi3_array};
-    return (fmi3Status)instance_directional_derivative(instance, "fmi3GetDirectionalDerivative", &of, &by, seed, sensitivity);
+    return (fmi3Status)instance_derivative(instance, __func__, &of, &by, seed, sensitivity, 0);
 }
 
 fmi3Status fmi3GetAdjointDerivative(fmi3Instance instance, const fmi3ValueReference unknowns[], size_t nUnknowns,
                                     const fmi3ValueReference knowns[], size_t nKnowns, const fmi3Float64 seed[],
                                     size_t nSeed, fmi3Float64 sensitivity[], size_t nSensitivity) {
     const References of = {unknowns, nUnknowns, nSeed, fmi3_array}, by = {knowns, nKnowns, nSensitivity, fmi3_array};
-    return (fmi3Status)instance_adjoint_derivative(instance, "fmi3GetAdjointDerivative", &of, &by, seed, sensitivity);
+    return (fmi3Status)instance_derivative(instance, __func__, &of, &by, seed, sensitivity, 1);
 }

@@ -237,7 +237,7 @@ static int set_value(Estimator *e, Variable variable, Type type, double value, c
 }
 
 static int set(Model *model, Type type, const Selection *which, const void *value, char text[MODEL_TEXT_SIZE]) {
-    static const char *const NAMES[] = {[REAL] = "real", [INTEGER] = "integer", [BOOLEAN] = "Boolean"};
+    static const char *const NAMES[] = {[REAL] = "real", [INTEGER] = "integer", [BOOLEAN] = "Boolean", [TEXT] = "String"};
     Estimator *e = estimator_of(model);
     const size_t n = e->map.n_gauges, count = which->count, gauge = which->first - N_OUTPUTS;
     if (type == REAL) {

@@ -111,13 +111,6 @@ EVERYWHERE void strip(Change change, size_t rows, size_t columns, size_t inner, 
    The columns of P are taken in blocks whose sums stay in registers: 24 columns with AVX-512, 4 with
    SSE2, 8 with AVX2 and elsewhere. A sum runs over the inner index in order, in one part, so that no width of a
    block changes a bit. A lower triangular B has zeros above its diagonal: a block of columns from j on begins with
-   row j. Both are the bulk of a nonlinear step (cholesky.c). docs/developers/native.md, "Cost". */
-
-/* Products of matrices by rows: P = A B and P -= A B, sums in registers.
-
-   The columns of P are taken in blocks whose sums stay in registers: 24 columns with AVX-512, 4 with
-   SSE2, 8 with AVX2 and elsewhere. A sum runs over the inner index in order, in one part, so that no width of a
-   block changes a bit. A lower triangular B has zeros above its diagonal: a block of columns from j on begins with
    row j. Both are the bulk of a nonlinear step. docs/developers/native.md, "Cost". */
 
 /* Whether the right factor, square then, is zero above its diagonal. */
