@@ -25,19 +25,23 @@
 #define SHOWN_PATH 1000 /* characters of a path that a message shows */
 #define ROUNDING 1e-2   /* largest error of a sum of a million step sizes, as a fraction of a step */
 
-/* Times that an importer gives [s]: whether an experiment may span them, whether a step may be of a size, which sets its
-   end, and whether that is behind the stop time by more than sums of step sizes round. */
+/* Times that an importer gives [s] are computed with by functions of their own, in the default floating-point environment:
+   whether an experiment may span them; the end of a step, which may be of a size, and whether that is behind the stop time
+   by more than sums of step sizes round. */
 static int is_time_span(double start, int has_stop, double stop) {
-    return isfinite(start) && (!has_stop || stop >= start);
+    const Floating host = floating_enter();
+    const int good = isfinite(start) && (!has_stop || stop >= start);
+    floating_leave(&host);
+    return good;
 }
 
-static int step_ends(double start, double size, double *end) {
+static int step_ends(double start, double size, double stop, double *end, int *is_beyond) {
+    const Floating host = floating_enter();
     *end = start + size;
-    return size > 0.0 && isfinite(*end);
-}
-
-static int is_beyond_stop(double end, double size, double stop) {
-    return end - stop > ROUNDING * size;
+    *is_beyond = *end - stop > ROUNDING * size;
+    const int good = size > 0.0 && isfinite(*end);
+    floating_leave(&host);
+    return good;
 }
 
 int instance_error(const Instance *instance, const char *format, ...) {
@@ -207,10 +211,7 @@ int instance_start_at(Instance *instance, const char *function, double start, in
     if (!instance_allows(instance, function, INSTANTIATED)) {
         return STATUS_ERROR;
     }
-    const Floating host = floating_enter();
-    const int good = is_time_span(start, has_stop, stop);
-    floating_leave(&host);
-    if (!good) {
+    if (!is_time_span(start, has_stop, stop)) {
         return instance_error(instance, "%s: from %g to %g s is no time span", function, start, stop);
     }
     model_set_time(instance->model, start);
@@ -275,13 +276,11 @@ int instance_step(Instance *instance, const char *function, double start, double
         return STATUS_ERROR;
     }
     double end;
-    const Floating host = floating_enter();
-    const int good = step_ends(start, size, &end), beyond = good && is_beyond_stop(end, size, instance->stop_time);
-    floating_leave(&host);
-    if (!good) {
+    int is_beyond;
+    if (!step_ends(start, size, instance->stop_time, &end, &is_beyond)) {
         return instance_error(instance, "%s: a step of %g s from %g s found, must be positive", function, size, start);
     }
-    if (beyond) {
+    if (is_beyond) {
         return instance_error(instance, "%s: the step ends at %.9g s, behind the stop time of the experiment, %.9g s", function,
                               end, instance->stop_time);
     }

@@ -44,17 +44,11 @@ OPTIONAL(accept_step)
 OPTIONAL(settle)
 
 int model_unsettled(Model *model) {
-    if (MODEL.unsettled == NULL) {
-        return 0;
-    }
-    COMPUTE_AS(int, MODEL.unsettled(model));
+    COMPUTE_AS(int, MODEL.unsettled != NULL && MODEL.unsettled(model));
 }
 
 int model_event(Model *model, char text[MODEL_TEXT_SIZE]) {
-    if (MODEL.event == NULL) {
-        return 0;
-    }
-    COMPUTE_AS(int, MODEL.event(model, text));
+    COMPUTE_AS(int, MODEL.event != NULL && MODEL.event(model, text));
 }
 
 int model_get(Model *model, Type type, const Selection *which, void *value, char text[MODEL_TEXT_SIZE]) {

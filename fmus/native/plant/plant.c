@@ -90,12 +90,10 @@ static size_t flight_model_take(FlightModel *m, const double *data, size_t count
             return 0;
         }
     }
-    m->n_gauges = (size_t)data[0];
-    m->n_mach = (size_t)data[1];
-    m->n_incidence = (size_t)data[2];
-    m->n_channel = (size_t)data[3];
-    m->n_harmonic = (size_t)data[4];
-    m->atmosphere.n_layers = (size_t)data[5];
+    size_t *const sizes[] = {&m->n_gauges, &m->n_mach, &m->n_incidence, &m->n_channel, &m->n_harmonic, &m->atmosphere.n_layers};
+    for (int k = 0; k < 6; k++) {
+        *sizes[k] = (size_t)data[k];
+    }
     m->vented = data[6] != 0.0;
     m->internal_pressure = data[7];
     m->base_area = data[8];
@@ -109,12 +107,11 @@ static size_t flight_model_take(FlightModel *m, const double *data, size_t count
     const size_t table = (m->n_mach - 1) * (m->n_incidence - 1) * N_POWERS;
     m->mach_knots = take(&next, m->n_mach);
     m->incidence_knots = take(&next, m->n_incidence);
-    m->gauge_cosine = take(&next, m->n_gauges);
-    m->gauge_sine = take(&next, m->n_gauges);
-    m->gauge_channel = take(&next, m->n_gauges);
-    m->strain_of_internal_pressure = take(&next, m->n_gauges);
-    m->apparent_strain = take(&next, m->n_gauges);
-    m->noise_scale = take(&next, m->n_gauges);
+    const double **const of_gauges[] = {&m->gauge_cosine, &m->gauge_sine, &m->gauge_channel, &m->strain_of_internal_pressure,
+                                        &m->apparent_strain, &m->noise_scale};
+    for (int k = 0; k < 6; k++) {
+        *of_gauges[k] = take(&next, m->n_gauges);
+    }
     m->coefficient_table = take(&next, table * N_RADIAL);
     m->strain_table = take(&next, table * m->n_channel * m->n_harmonic * 2);
     m->atmosphere.layer = take(&next, m->atmosphere.n_layers * LAYER_SIZE);

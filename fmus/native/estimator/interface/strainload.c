@@ -159,7 +159,9 @@ int sl_version(void) {
 static StrainLoad *open_map(Memory *memory, const unsigned char *bytes, size_t length, char text[SL_TEXT_SIZE]) {
     const size_t copied = memory->taken;
     StrainLoad *handle = memory_take(memory, sizeof *handle);
+    const Floating host = floating_enter();
     Estimator *e = handle != NULL && bytes != NULL ? estimator_create(memory, bytes, length, text) : NULL;
+    floating_leave(&host);
     const int has_memory = e != NULL && tare_like(&e->tare, memory, &handle->whole) && tare_like(&e->tare, memory, &handle->steps);
     if (e == NULL ? handle == NULL || bytes == NULL : !has_memory) {
         snprintf(text, SL_TEXT_SIZE, "needs more memory than there is");
@@ -188,18 +190,12 @@ StrainLoad *sl_open(const void *bytes, size_t length, char text[SL_TEXT_SIZE]) {
     if (copy != NULL) {
         memcpy(copy, bytes, length);
     }
-    const Floating host = floating_enter();
-    StrainLoad *handle = open_map(&memory, copy, length, text);
-    floating_leave(&host);
-    return handle;
+    return open_map(&memory, copy, length, text);
 }
 
 StrainLoad *sl_open_in(const void *bytes, size_t length, void *buffer, size_t size, char text[SL_TEXT_SIZE]) {
     Memory memory = memory_in(buffer, size);
-    const Floating host = floating_enter();
-    StrainLoad *handle = open_map(&memory, bytes, length, text);
-    floating_leave(&host);
-    return handle;
+    return open_map(&memory, bytes, length, text);
 }
 
 void sl_close(StrainLoad *handle) {
@@ -249,27 +245,20 @@ static size_t setting_input(const StrainLoad *handle, size_t place) {
     return SIZE_MAX;
 }
 
-static int set(StrainLoad *handle, size_t first, size_t count, const double *value, char text[SL_TEXT_SIZE]) {
+int sl_set(StrainLoad *handle, size_t first, size_t count, const double *value, char text[SL_TEXT_SIZE]) {
     Estimator *e = handle->estimator;
+    const Floating host = floating_enter();
+    int good = 1;
     estimator_before_change(e); /* it may compute the outputs that a step left */
-    for (size_t k = 0; k < count; k++) {
+    for (size_t k = 0; good && k < count; k++) {
         const size_t input = setting_input(handle, first + k);
+        good = input != SIZE_MAX && estimator_set_input(e, input, value[k], text);
         if (input == SIZE_MAX) {
             snprintf(text, SL_TEXT_SIZE, "there is no setting %lu", (unsigned long)(first + k));
-            return 0;
-        }
-        if (!estimator_set_input(e, input, value[k], text)) {
-            return 0;
         }
     }
-    return 1;
-}
-
-int sl_set(StrainLoad *handle, size_t first, size_t count, const double *value, char text[SL_TEXT_SIZE]) {
-    const Floating host = floating_enter();
-    const int done = set(handle, first, count, value, text);
     floating_leave(&host);
-    return done;
+    return good;
 }
 
 void sl_get(const StrainLoad *handle, size_t first, size_t count, double *value) {

@@ -20,11 +20,6 @@
    computed. Without it the tables' loads stay, flagged by health; with too few gauges nothing is known.
    docs/explanation/nonlinear_estimator.md, "What comes out" and "Lost gauges". */
 
-/* Steps that still must fit after one more that does. */
-static inline double flight_waiting(const Flight *flight) {
-    return flight->base.to_return > 1.0 ? flight->base.to_return - 1.0 : 0.0;
-}
-
 /* Loads of the linear map instead of the tables' loads, where it has some, and where these do not fit or have not for
    long enough, or where fewer gauges are left than the flight state has quantities; UNIDENTIFIED where it has none
    then. */
@@ -40,12 +35,6 @@ static void flight_fall_back(Flight *flight, size_t used, int fits, double to_re
         flight->fits = 0;
     }
     flight->conditions |= flight->flag[LINEAR_LOADS] ? LOADS_OF_LINEAR_MAP : 0;
-}
-
-/* Steps since the last search of the tables, as the step leaves them. */
-static double flight_since_search(const Flight *flight, int searched) {
-    const double since = flight->base.since_search + 1.0, most = flight->map.search_every;
-    return searched ? 0.0 : since < most ? since : most;
 }
 
 /* One sample after another: from the last flight state, or from a search of the tables, and which of the two is
@@ -150,11 +139,12 @@ static void widen(Flight *flight, Quality quality, int *searched, int by_search)
 /* What the step leaves to the next one. */
 static void set_next(Flight *flight, int searched, int fits, double to_return) {
     Track *next = &flight->next;
+    const double since = flight->base.since_search + 1.0, most = flight->map.search_every;
     /* What fits nowhere does not move the state. */
     const int moves = fits || !searched || flight->base.has_state == 0.0;
     next->has_state = 1.0;
     memcpy(next->state, moves ? flight->solver.solution.state : flight->base.state, sizeof next->state);
-    next->since_search = flight_since_search(flight, searched);
+    next->since_search = searched ? 0.0 : since < most ? since : most;
     next->to_return = to_return;
     next->stepped = 0.0;
 }
@@ -170,7 +160,8 @@ static void flight_track_update(Flight *flight, size_t used) {
     }
     flight_set_gauge_residuals(&flight->solver);
     const int fits = flight_conclude(flight, used);
-    const double to_return = fits ? flight_waiting(flight) : flight->map.return_after;
+    /* Steps that still must fit after this one. */
+    const double to_return = fits ? larger(flight->base.to_return - 1.0, 0.0) : flight->map.return_after;
     flight_fall_back(flight, used, fits, to_return);
     set_next(flight, searched, fits, to_return);
 }
@@ -287,8 +278,7 @@ void flight_take_next(Flight *flight) {
 }
 
 int flight_track_fits(const Flight *flight, const Track *track) {
-    int good = (track->has_state == 0.0 || track->has_state == 1.0)
-            && (track->stepped == 0.0 || track->stepped == 1.0)
+    int good = is_flag(track->has_state) && is_flag(track->stepped)
             && track->since_search >= 0.0 && track->since_search <= flight->map.search_every
             && track->to_return >= 0.0 && track->to_return <= flight->map.return_after && is_state(track->state);
     const int is_widened = track->widening[0] != 0.0;
