@@ -70,12 +70,14 @@ class FlownSensors:
         drift = [sum(std * draws[name] for name, std in row.drift.items()) for row in rows]
         return BuiltSensors(
             names=tuple(row.name for row in rows),
+            roll_angle=np.zeros(len(rows)),
+            record={},
             kind=tuple(row.kind for row in rows),
             unit=tuple(row.unit for row in rows),
             response=response,
             per_ambient=per_force * base_area(vehicle) * suction - inside * response[:, 0, :, 0].sum(axis=1),
             per_dynamic=per_force * friction * vehicle.reference_quantities().area,
-            offset=np.array(drift) - per_force * thrust,
+            apparent=np.array(drift) - per_force * thrust,
             std=self.std,
             largest=np.array([row.largest for row in rows]),
             thrust_response=-per_force,

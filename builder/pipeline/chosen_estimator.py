@@ -7,9 +7,14 @@ from typing import Literal
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map.options import wrong_estimator
 from strainfmu.errors import InputError
-from strainfmu.estimator.map.inverse_map import PER_PRESSURE
+from strainfmu.estimator.map.inverse_map import PER_PRESSURE, InverseMap
 
 Estimators = Literal["auto", "linear", "nonlinear"]
+
+
+def estimator_of(inverse_map: InverseMap) -> Estimators:
+    """Return the estimator that a map is for."""
+    return "linear" if inverse_map.manifold is None else "nonlinear"
 
 
 def with_estimator(vehicle: Vehicle, estimator: Estimators | None) -> Vehicle:

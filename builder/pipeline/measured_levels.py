@@ -22,7 +22,12 @@ from builder.trial.levels import (
 )
 from builder.trial.readings import Readings, World, joined, read_own_vehicles
 from builder.truth.revolution.flow_table import truth_knots
-from builder.truth.shape import flying_structure, refuse_without_other_model, shape_flights, structure_of_check
+from builder.truth.shape import (
+    flying_structure,
+    refuse_without_independent_model,
+    shape_flights,
+    structure_of_check,
+)
 from builder.vehicle.file import Vehicle
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import InverseMap
@@ -70,7 +75,7 @@ def alarm_levels_wanted(vehicle: Vehicle, reporter: Reporter) -> bool:
 def _wanted_of_shape(vehicle: Vehicle, reporter: Reporter) -> bool:
     why = ""
     try:
-        refuse_without_other_model(vehicle)
+        refuse_without_independent_model(vehicle)
     except InputError as error:
         why = f"there is no independent model ({str(error).partition(',')[0]})"
     if not why and vehicle.aerodynamics.engine == "euler" and vehicle.map.alarm_levels != "always":

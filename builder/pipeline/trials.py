@@ -23,7 +23,7 @@ from builder.figures.drawing.canvas import save
 from builder.manifold.mirror_images import with_mirror_images
 from builder.manifold.snapshot_grid import snapshot_grid
 from builder.pipeline.built_sensors import flown_sensors, sensor_names_of
-from builder.pipeline.chosen_estimator import with_estimator
+from builder.pipeline.chosen_estimator import estimator_of, with_estimator
 from builder.pipeline.closed_loop_trial import closed_loop_rows
 from builder.pipeline.map_files import (
     load_map_parts,
@@ -41,7 +41,7 @@ from builder.reporting import Reporter, Silent
 from builder.structure.as_built.as_built_structure import refuse_unheld
 from builder.structure.gauge_checks import gauges_in_use
 from builder.structure.structure_file import load_structure
-from builder.trial.cases import Case, Plan, TrialFile, cases_for, load_trial, trial_path
+from builder.trial.cases import Case, Plan, TrialFile, cases_for, load_trial
 from builder.trial.compared import (
     NONLINEAR,
     REGRESSIONS,
@@ -164,9 +164,7 @@ def run_trial(
         raise InputError(f"--format: expected csv, parquet or json, got {unknown[0][1:]}")
     wanted: dict[str, Any] = {"conditions": conditions, "vehicles": draws, "seed": seed, "training": training}
     wanted["estimators"] = None if estimators is None else list(estimators)
-    trial = load_trial(trial_path(str(file))).changed(
-        {k: value for k, value in wanted.items() if value is not None}
-    )
+    trial = load_trial(file).changed({k: value for k, value in wanted.items() if value is not None})
     folder, reporter = Path(output), reporter_of(progress)
     map_path, flows_path = (None if path is None else Path(path) for path in (inverse_map, flows))
     if trial.closed_loop is not None:
@@ -321,7 +319,7 @@ def _flights_of_map(pipeline: Pipeline, trial: TrialFile, only: Sequence[str], f
     if MAP not in pipeline.elsewhere:
         make_map(pipeline)
     inverse_map = load_inverse_map(pipeline.path(MAP))
-    vehicle = of_estimator(pipeline.flown or pipeline.vehicle, inverse_map)
+    vehicle = with_estimator(pipeline.flown or pipeline.vehicle, estimator_of(inverse_map))
     trial = trial.changed({"estimators": available(inverse_map, trial.trial.estimators)})
     plan = trial.trial
     _make_flows(pipeline, vehicle, trial, only, flows)
@@ -489,13 +487,7 @@ def of_map(vehicle: Vehicle, inverse_map: InverseMap) -> Vehicle:
     entries = vehicle.map.model_copy(update={"form": inverse_map.form, **of_form})
     changes: dict[str, object] = {"conditions": conditions, "map": entries}
     changes |= {} if inverse_map.has_temperature else {TEMPERATURE: None}
-    return of_estimator(vehicle.model_copy(update=changes), inverse_map)
-
-
-def of_estimator(vehicle: Vehicle, inverse_map: InverseMap) -> Vehicle:
-    """Return ``vehicle`` with the estimator of ``inverse_map``, which its file may leave to the build."""
-    estimator = "linear" if inverse_map.manifold is None else "nonlinear"
-    return vehicle.model_copy(update={"map": vehicle.map.model_copy(update={"estimator": estimator})})
+    return with_estimator(vehicle.model_copy(update=changes), estimator_of(inverse_map))
 
 
 def check_fit(vehicle: Vehicle, inverse_map: InverseMap, path: Path) -> None:

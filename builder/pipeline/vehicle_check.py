@@ -8,8 +8,6 @@ from math import degrees
 from pathlib import Path
 from typing import TypeVar
 
-import numpy as np
-
 from builder.aero.engine import Engine
 from builder.aero.engines.registry import make_engine
 from builder.campaign.failures import extreme_conditions, flows_out_of_reach
@@ -18,7 +16,7 @@ from builder.inverse.noise.inertia import inertia_in_words
 from builder.inverse.noise.recorder import reading_in_words
 from builder.inverse.problem import check_noise, check_other_loads
 from builder.pipeline.demonstration.demo import refuse_without_demo
-from builder.pipeline.demonstration.flown_shape import check_parameters, manoeuvre_warnings
+from builder.pipeline.demonstration.flown_shape import checked_manoeuvre, manoeuvre_warnings
 from builder.pipeline.place_and_review import check_model
 from builder.pipeline.stages import AnyProgress, reporter_of
 from builder.reporting import Reporter
@@ -31,8 +29,7 @@ from builder.truth.shape import refuse_without_independent_model
 from builder.vehicle.file import Vehicle, load_vehicle
 from builder.vehicle.map_needs import check_map_size, doubtful_entries, unused_entries
 from builder.vehicle.named_file import named
-from strainfmu.cosim.models.flight_model import check_envelope
-from strainfmu.cosim.models.trajectory import Trajectory, load_trajectory
+from strainfmu.cosim.models.trajectory import Trajectory
 from strainfmu.errors import FaultsError, InputError
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
 from strainfmu.estimator.map.validity import (
@@ -106,7 +103,7 @@ def _checked(vehicle: Vehicle, path: Path, reporter: Reporter) -> VehicleCheck:
         faults.result_of(lambda: check_noise(vehicle))
     faults.result_of(lambda: check_other_loads(vehicle))
     flies = vehicle.truth.manoeuvre is not None
-    trajectory = faults.result_of(lambda: _manoeuvre(vehicle, conditions)) if flies else None
+    trajectory = faults.result_of(lambda: checked_manoeuvre(vehicle, conditions)) if flies else None
     faults.raise_if_any()  # before the flows, which take longest
     assert gauges is not None
     assert engine is not None
@@ -116,18 +113,6 @@ def _checked(vehicle: Vehicle, path: Path, reporter: Reporter) -> VehicleCheck:
     return VehicleCheck(
         name=vehicle.name, rows=tuple(rows), lines=tuple(_warnings(vehicle, trajectory, conditions))
     )
-
-
-def _manoeuvre(vehicle: Vehicle, conditions: Sequence[FlightCondition]) -> Trajectory:
-    """Return the manoeuvre, within the flight model of the demonstration and the parameters of the snapshots."""
-
-    path = vehicle.manoeuvre()
-    trajectory = load_trajectory(path, tuple(vehicle.conditions.parameters))
-    check_parameters(vehicle, trajectory, conditions, path)
-    if vehicle.is_axisymmetric:
-        mach, incidence = truth_knots(vehicle)
-        check_envelope(mach, np.append(0.0, incidence), trajectory, path)
-    return trajectory
 
 
 def _out_of_reach(

@@ -327,31 +327,21 @@ PROPERTIES: dict[str, Callable[[Vehicle], bool]] = {
 apparent strain is expected."""
 
 
-def trial_path(name: str | Path) -> Path:
-    """Return the file of a trial, by its path or by the name of a shipped one.
-
-    Raises
-    ------
-    InputError
-        There is neither.
-    """
-    path, shipped = Path(name), FILES / f"{name}.toml"
-    if path.is_file() or path.suffix:
-        return path
-    if not shipped.is_file():
-        names = ", ".join(sorted(path.stem for path in FILES.glob("*.toml")))
-        raise InputError(f"{name}: expected the path of a file, or a trial that is shipped: {names}")
-    return shipped
-
-
-def load_trial(path: Path) -> TrialFile:
-    """Read and check a file.
+def load_trial(name: str | Path) -> TrialFile:
+    """Read and check a file, by its path or by the name of a shipped one.
 
     Raises
     ------
     InputError
         The file is missing, no TOML, or wrong: one line for each entry.
     """
+    path, shipped = Path(name), {file.stem: file for file in sorted(FILES.glob("*.toml"))}
+    if not path.is_file() and not path.suffix:
+        if path.name not in shipped:
+            raise InputError(
+                f"{name}: expected the path of a file, or a trial that is shipped: {', '.join(shipped)}"
+            )
+        path = shipped[path.name]
     return read_sections(path, TrialFile, "file of a trial", _faults)
 
 

@@ -87,7 +87,7 @@ def flown_conditions(
     Raises
     ------
     FlowReachError
-        The flows do not go as far.
+        The envelope does not go as far.
     """
     number = max(1, count // FEWER_BEYOND) if table is None and where.is_beyond else count
     conditions = _inside(where, vehicle, table, number, random)
@@ -96,12 +96,10 @@ def flown_conditions(
     if where.mirrored:
         conditions = [_mirrored(condition, vehicle, random) for condition in conditions]
     if (band := _incidences(where, vehicle)) is not None:
-        _refuse_beyond(table, incidence=band[1])
         conditions = [at_any_roll(condition, float(random.uniform(*band)), random) for condition in conditions]
     if where.mach is not None:
         listed = vehicle.conditions.mach_number
         mach = where.mach * (min(listed) if where.mach < 1.0 else max(listed))
-        _refuse_beyond(table, mach=mach)
         conditions = [replace(condition, mach_number=mach) for condition in conditions]
     if where.altitude_km is not None:
         conditions = [replace(condition, altitude=1e3 * where.altitude_km) for condition in conditions]
@@ -175,17 +173,6 @@ def _mirrored(condition: FlightCondition, vehicle: Vehicle, random: np.random.Ge
         1, random, ranges, turned, lambda condition: condition.total_incidence <= incidence
     )
     return mirrored
-
-
-def _refuse_beyond(table: FlowTable | None, mach: float | None = None, incidence: float = 0.0) -> None:
-    if table is None:
-        return
-    needed = [("total incidence [rad]", incidence, table.incidence_knots[-1])]
-    if mach is not None:
-        needed += [("-Mach number", -mach, -table.mach_knots[0]), ("Mach number", mach, table.mach_knots[-1])]
-    for what, value, known in needed:
-        if value > known + 1e-9:
-            raise FlowReachError(f"{what}: {value:.6g} needed, the flows go up to {known:.6g}")
 
 
 def edges_of(vehicle: Vehicle) -> list[tuple[str, float, float]]:

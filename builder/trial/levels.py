@@ -15,7 +15,7 @@ import numpy as np
 
 from builder.inverse.envelope.score_limit import tail_quantile
 from builder.trial.cases import Air, Built, Case
-from builder.trial.conditions import Where
+from builder.trial.conditions import Where, quantities
 from builder.trial.estimators import estimate_of
 from builder.trial.readings import Readings, World, read_own_vehicles, with_map_errors
 from builder.truth.flights import Flights
@@ -23,7 +23,7 @@ from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
-from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, chi_square_limit, outlier_threshold
+from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, chi_square_limit
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.flight_condition import FlightCondition
 
@@ -164,20 +164,15 @@ def _most_alarms(ratios: FloatArray, parts: list[IntArray]) -> int:
 
 
 def linear_tests(inverse_map: InverseMap, flights: Iterable[Readings]) -> FloatArray:
-    """Return (4, n) of the linear map: chi-square and the squared largest |z|, each over its level, the factor by
-    which the levels of a sample follow its strain, and its incidence [rad]."""
+    """Return (4, n) of the linear map: its two tests, each over its level, the factor by which the levels of a
+    sample follow its strain, and its incidence [rad]."""
     estimator = Estimator(inverse_map.without_tables())
-    n, freedom = inverse_map.n_gauges, inverse_map.residual_degrees_of_freedom
-    threshold = outlier_threshold(n, FALSE_ALARM_PROBABILITY) ** 2 * inverse_map.outlier_scale
-    nominal = inverse_map.chi_square_scale * chi_square_limit(freedom)
+    nominal = inverse_map.chi_square_scale * chi_square_limit(inverse_map.residual_degrees_of_freedom)
     tests = list[FloatArray]()
     for block in flights:
         made = estimator.estimate(block.strain, block.known[DYNAMIC_PRESSURE], with_residuals=True)
-        limit = np.asarray(made.chi_square_limit)
-        worst = np.max(np.abs(made.standardised_residual), axis=1) ** 2
-        incidence = np.array([condition.total_incidence for condition in block.conditions])[block.flight]
-        outlier = worst / (threshold * limit / nominal)
-        tests.append(np.stack([made.chi_square / limit, outlier, limit / nominal, incidence]))
+        incidence = quantities(block.conditions, "total_incidence")[block.flight]
+        tests.append(np.stack([*_ratios(estimator, made), made.chi_square_limit / nominal, incidence]))
     return np.concatenate(tests, axis=1)
 
 
@@ -206,8 +201,7 @@ def with_flight_alarm_levels(inverse_map: InverseMap, flights: Readings) -> Inve
 
 
 def tail_ratios(inverse_map: InverseMap, flights: Readings) -> FloatArray:
-    """Return the tests (2 or 3, n) that levels are set from: chi-square, the square of the largest residual, and
-    chi-square of the shapes, over their levels.
+    """Return the tests (2 or 3, n) that levels are set from, over their levels.
 
     Estimates start as steps along a flight do, from the states that vehicles estimate there: errors of a vehicle
     last, and its estimates are wrong by as much in every step. Such steps are taken by the samples with a test in
@@ -224,13 +218,13 @@ def tail_ratios(inverse_map: InverseMap, flights: Readings) -> FloatArray:
 
 
 def _ratios(estimator: Estimator, made: Estimate) -> FloatArray:
-    """Return the tests of strain (2 or 3, n) of estimates, each over its level."""
+    """Return the tests of strain (2 or 3, n) of estimates, each over its level: chi-square, the squared largest
+    |z|, and chi-square of the shapes of pressure off the tables, where there are any."""
     manifold = estimator.inverse_map.manifold
-    assert manifold is not None
     tests = [
         made.chi_square / np.asarray(made.chi_square_limit),
         (np.max(np.abs(made.standardised_residual), axis=1) / made.residual_limit) ** 2,
     ]
-    if manifold.discrepancy_shapes.shape[1]:
+    if manifold is not None and manifold.discrepancy_shapes.shape[1]:
         tests.append(made.discrepancy_chi_square / (estimator.settings.alarm_scale * manifold.shape_limit))
     return np.stack(tests)

@@ -351,12 +351,10 @@ def read_case(
         strain[:, part] = case.fault.readings(strain[:, part], failing, leeward, random)
     if inertia is not None:
         strain[:, :n_d] += world.added.inertia(inertia, force, leeward, random)
-    truth, rolling = flights.coefficients[rows], flights.rolling
-    truth = truth if rolling is None else np.column_stack([truth, rolling[rows]])
     made = Readings(
         strain=strain,
         known=known,
-        truth=np.repeat(truth, repeats, axis=0),
+        truth=np.repeat(flights.coefficients[rows], repeats, axis=0),
         vehicle=np.full(n, number) if vehicles is None else number + np.arange(n),
         flight=np.repeat(np.arange(len(flights.conditions))[rows], repeats),
         time=time,

@@ -78,8 +78,9 @@ class Clusters:
             square += float(np.sum(np.bincount(number, off) ** 2)) * size / (size - 1)
         return mean, sqrt(max(square, 0.0)) / count
 
-    def percent(self, name: str, event: BoolArray) -> Row:
-        """Return how often ``event`` (n,) is true [%], its standard error, and its upper limit at 95 %."""
+    def percent(self, name: str, event: BoolArray | FloatArray) -> Row:
+        """Return how often ``event`` (n,) is true [%] where it is known, its standard error, and its upper limit
+        at 95 %."""
         mean, error = self.mean(event)
         upper = mean + 2.0 * error
         if not 0.0 < mean < 1.0:
@@ -117,7 +118,8 @@ def rows_of(names: Sequence[str], made: Estimates, read: Readings) -> list[Row]:
         row |= _errors(clusters, error_of_load, std[:, column])
         row |= {"rms_z": rms_z[0], "rms_z_error": rms_z[1]}
         row["rms_of_range"] = row["rms"] / spread[column] if spread[column] > CONSTANT else np.nan
-        row |= clusters.percent("covered_1", is_within(error_of_load, std[:, column], 1.0))
+        within_1 = is_within(error_of_load, std[:, column], 1.0)
+        row |= clusters.percent("covered_1", np.where(known[:, column], within_1, np.nan))
         if read.bound is not None and column < read.bound.shape[1]:
             row["bound"] = sqrt(clusters.mean(read.bound[:, column] ** 2)[0])
             row["over_bound"] = row["rms"] / row["bound"]

@@ -98,15 +98,13 @@ class Flights(ABC):
     ----------
     conditions : k flight conditions.
     counts : numbers of what has errors of its own in a vehicle.
-    coefficients : (k, 5) C_A, C_N, C_Y, M_P, M_Y [1].
-    rolling : (k,) M_R [1]; None for a body of revolution, which has none.
+    coefficients : (k, 5) C_A, C_N, C_Y, M_P, M_Y [1]; (k, 6) with M_R of a shape that is none of revolution.
     ambient_pressure, dynamic_pressure, internal_pressure : (k,) p_inf, q_inf and that stated inside [Pa].
     """
 
     conditions: tuple[FlightCondition, ...]
     counts: Counts
     coefficients: FloatArray
-    rolling: FloatArray | None = None
     ambient_pressure: FloatArray
     dynamic_pressure: FloatArray
     internal_pressure: FloatArray

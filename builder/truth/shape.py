@@ -71,14 +71,17 @@ class ShapeStructure:
         return Counts(gauge=len(self.names), row=int(self.gauges.row.max()) + 1)
 
 
-def refuse_without_other_model(vehicle: Vehicle) -> None:
-    """Refuse a vehicle of another shape than a profile that has no independent model, before anything is solved.
+def refuse_without_independent_model(vehicle: Vehicle) -> None:
+    """Refuse a vehicle that has no independent model, before anything is solved.
 
     Raises
     ------
     InputError
         Names the entry, and what it would need.
     """
+    if vehicle.is_axisymmetric:
+        refuse_beyond_fourier(vehicle, [vehicle.gauges.layout])
+        return
     if vehicle.aerodynamics.engine == "table":
         raise InputError(
             "aerodynamics.engine: expected 'euler' or 'newtonian' for an independent model, got 'table', which "
@@ -93,14 +96,6 @@ def refuse_without_other_model(vehicle: Vehicle) -> None:
         raise InputError("sensors: expected none for an independent model of this shape, which has gauges alone")
     if vehicle.structure.mesh is not None and vehicle.structure.checked_by is None:
         raise InputError(NO_SECOND_MESH)
-
-
-def refuse_without_independent_model(vehicle: Vehicle) -> None:
-    """Refuse a vehicle that has no independent model, before anything is solved."""
-    if vehicle.is_axisymmetric:
-        refuse_beyond_fourier(vehicle, [vehicle.gauges.layout])
-    else:
-        refuse_without_other_model(vehicle)
 
 
 def flying_structure(vehicle: Vehicle, known: Structure | None, reporter: Reporter) -> ShapeStructure:
@@ -223,13 +218,15 @@ def shape_flights(
     reference = vehicle.reference_quantities()
     loads = six_loads(flows.surface, reference.moment_station)
     net = flows.pressure - pressures["internal_pressure"][:, None]
+    rolling = net @ loads[5] / (pressures[DYNAMIC_PRESSURE] * reference.area * reference.length)
     return ShapeFlights(
         strain=np.stack([flows.pressure @ operator_of_way.T for operator_of_way in operator]),
         unit_strain=operator.sum(axis=2),
         gauges=structure.gauges,
         counts=structure.counts,
-        coefficients=coefficients_of(net, loads[:5], pressures["conditions"], reference),
-        rolling=net @ loads[5] / (pressures[DYNAMIC_PRESSURE] * reference.area * reference.length),
+        coefficients=np.column_stack(
+            [coefficients_of(net, loads[:5], pressures["conditions"], reference), rolling]
+        ),
         **pressures,
     )
 

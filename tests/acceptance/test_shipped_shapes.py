@@ -77,7 +77,7 @@ def test_rolling_moment_of_turned_fins_on_another_surface(finned_demo: Path, tmp
     path = load_trajectory(tmp_path / "finned_body_manoeuvre.csv", ("fin_roll_deg",))
     flows = flows_along(vehicle, path, Silent())
     parts = list(flights_along(vehicle, structure, flows, np.linspace(0.0, path.stop_time, 200), path))
-    true = np.concatenate([part.rolling for part in parts if part.rolling is not None])
+    true = np.concatenate([part.coefficients[:, 5] for part in parts])
     pressure = np.concatenate([part.dynamic_pressure for part in parts])
     inverse_map = load_inverse_map(finned_demo / "map.h5")
     random, inside, error = np.random.default_rng(5), [], []

@@ -9,14 +9,14 @@ from slender_vehicle import SlenderFiles
 
 from builder.pipeline.closed_loop_trial import closed_loop_rows, with_fault, without_fault
 from builder.reporting import Silent
-from builder.trial.cases import ClosedLoop, load_trial, trial_path
+from builder.trial.cases import ClosedLoop, load_trial
 from strainfmu.cosim.models.flight_model import load_flight_model
 from strainfmu.cosim.scenario import Scenario
 from strainfmu.errors import InputError
 
 
 def short(**changes: object) -> ClosedLoop:
-    loop = load_trial(trial_path("closed_loop")).closed_loop
+    loop = load_trial("closed_loop").closed_loop
     assert loop is not None
     return loop.model_copy(update=changes)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from builder.trial.cases import Case, cases_for, load_trial, trial_path
+from builder.trial.cases import Case, cases_for, load_trial
 from builder.trial.readings import World
 from builder.trial.score import Row
 from builder.vehicle.file import Vehicle
@@ -17,7 +17,7 @@ def other_world(world: World, **changes: object) -> World:
 
 def case_of(vehicle: Vehicle, error: str, size: str = "", trial: str = "stress") -> Case:
     """Return a case of a shipped trial."""
-    cases = cases_for(vehicle, load_trial(trial_path(trial)))
+    cases = cases_for(vehicle, load_trial(trial))
     return next(case for case in cases if case.error == error and size in ("", case.size))
 
 

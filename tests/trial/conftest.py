@@ -23,7 +23,7 @@ from builder.pipeline.trials import shape_conditions
 from builder.reporting import Silent
 from builder.structure.fourier.fourier_model import StructuralModel, structural_model
 from builder.trial import conditions
-from builder.trial.cases import cases_for, load_trial, trial_path
+from builder.trial.cases import cases_for, load_trial
 from builder.trial.readings import World
 from builder.truth.revolution.flow_table import FlowTable, solved_flows
 from builder.truth.revolution.strain import TrueStructure, true_structure
@@ -112,7 +112,7 @@ def heavy_world(world: World, flown_snapshots: Snapshots) -> World:
 def shape_world() -> World:
     """The elliptic cone, its structure a closed form."""
     vehicle = shape_vehicle()
-    flows = flown_shape(shape_conditions(vehicle, cases_for(vehicle, load_trial(trial_path("stress"))), 24, 1))
+    flows = flown_shape(shape_conditions(vehicle, cases_for(vehicle, load_trial("stress")), 24, 1))
     structure = beam(flows.surface)
     return World(vehicle=vehicle, structure=structure, flows=flows, inverse_map=shape_map(), conditions=24)
 

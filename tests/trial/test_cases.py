@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from builder.structure.as_built_kinds import ALWAYS_DRAWN, IN_NOISE
-from builder.trial.cases import FILES, Case, cases_for, load_trial, trial_path
+from builder.trial.cases import FILES, Case, cases_for, load_trial
 from builder.vehicle.file import IC3X, VEHICLES, Vehicle, load_vehicle
 from builder.vehicle.map.options import HARDWARE_ERRORS, Noise
 from builder.vehicle.structure.section import Mass
@@ -15,7 +15,7 @@ from strainfmu.errors import FaultsError, InputError
 
 pytestmark = pytest.mark.fast
 
-STRESS, SHIPPED = load_trial(trial_path("stress")), load_vehicle(IC3X)
+STRESS, SHIPPED = load_trial("stress"), load_vehicle(IC3X)
 
 
 def changed(entry: str, **values: object) -> Vehicle:
@@ -29,7 +29,7 @@ def of(vehicle: Vehicle, error: str) -> list[Case]:
 
 @pytest.mark.parametrize("name", sorted(path.stem for path in FILES.glob("*.toml")))
 def test_shipped_files_have_rows_of_distinct_names(name: str) -> None:
-    trial = load_trial(trial_path(name))
+    trial = load_trial(name)
     cases = cases_for(SHIPPED, trial)
     assert cases or trial.closed_loop
     assert len({case.name for case in cases}) == len(cases)
@@ -144,7 +144,8 @@ def test_wrong_entries_are_named_a_line_each(tmp_path: Path) -> None:
 
 def test_names_that_are_unknown_are_answered_with_the_known_ones(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"^nothing: expected the path of a file, .* stress, uncertainty"):
-        trial_path("nothing")
+        load_trial("nothing")
     with pytest.raises(InputError, match=r"^--only: expected errors of all_stated, .*, got 'colour'$"):
         cases_for(SHIPPED, STRESS, ["colour"])
-    assert trial_path(tmp_path / "mine.toml") == tmp_path / "mine.toml"
+    with pytest.raises(InputError, match=r"mine.toml: no such file"):
+        load_trial(tmp_path / "mine.toml")

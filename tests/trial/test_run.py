@@ -18,7 +18,7 @@ from builder.manifold.nonlinear_build import with_manifold
 from builder.pipeline.chosen_estimator import Estimators
 from builder.pipeline.trials import check_fit, of_map, run_trial
 from builder.structure.fourier.fourier_model import structural_model
-from builder.trial.cases import Built, Case, Plan, cases_for, load_trial, trial_path
+from builder.trial.cases import Built, Case, Plan, cases_for, load_trial
 from builder.trial.conditions import Where
 from builder.trial.faults import standard_temperature
 from builder.trial.readings import World, joined, read_case
@@ -132,7 +132,7 @@ def test_flights_that_the_flows_do_not_reach_are_refused(world: World, flow_beyo
     )
     low = other_world(world, flows=short)
     for error, size in (("incidence beyond its largest", "+20 %"), ("Mach number below its least", "-20 %")):
-        with pytest.raises(FlowReachError, match="needed, the flows go up to"):
+        with pytest.raises(FlowReachError, match="needed, the flows are of"):
             low.flights(case_of(world.vehicle, error, size))
 
 
@@ -214,7 +214,7 @@ def test_maps_and_estimators_that_do_not_fit_are_refused_and_the_envelope_is_tha
 
 
 def test_a_map_without_temperature_flies_the_standard_wall(world: World) -> None:
-    (cold, warm) = cases_for(world.vehicle, load_trial(trial_path("heating")))
+    (cold, warm) = cases_for(world.vehicle, load_trial("heating"))
     assert [cold.group, warm.group] == ["alone", "beyond"]
     of_cold, of_warm = (scored(world, case, Plan(vehicles=1))["map"] for case in (cold, warm))
     assert of_cold[1]["rms"] < of_warm[1]["rms"]

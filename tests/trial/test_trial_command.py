@@ -86,7 +86,7 @@ def test_from_vehicle_file_to_table(tmp_path: Path, run: Run, monkeypatch: pytes
     before = set((folder / CASES).iterdir())
     code, out, _ = run(*command, "-o", folder)
     assert code == 0
-    assert "too fast, : left out: Mach number:" in out
+    assert "too fast, : left out: mach_number:" in out
     content = written(folder)
     (set((folder / CASES).iterdir()) - before).pop().unlink()
     code, out, _ = run(*command, "-o", folder)

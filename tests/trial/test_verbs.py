@@ -16,7 +16,7 @@ from trial_cases import case_of, other_world
 from builder.aero.engines.local_inclination import largest_pressure_coefficient
 from builder.pipeline.measured_levels import level_conditions
 from builder.pipeline.trials import shape_conditions
-from builder.trial.cases import Case, Plan, cases_for, load_trial, trial_path
+from builder.trial.cases import Case, Plan, cases_for, load_trial
 from builder.trial.conditions import (
     FEWER_BEYOND,
     RISE,
@@ -284,7 +284,7 @@ def test_flights_of_a_shape_share_their_flows(shape_world: World) -> None:
     """One set inside, a quarter of it near the edge, beyond it twice, and below and beyond the Mach numbers; any
     altitude."""
     vehicle = shape_world.vehicle
-    found = shape_conditions(vehicle, cases_for(vehicle, load_trial(trial_path("stress"))), 24, 1)
+    found = shape_conditions(vehicle, cases_for(vehicle, load_trial("stress")), 24, 1)
     assert len(found) == 24 + 5 * (24 // FEWER_BEYOND)
     assert len({(one.mach_number, one.angle_of_attack, one.sideslip_angle) for one in found}) == len(found)
     flights, own = (

@@ -14,7 +14,7 @@ from builder.campaign.snapshots import Snapshots
 from builder.structure.as_built.as_built_vehicle import AsBuilt, Counts, exactly_built
 from builder.structure.as_built.displaced_structure import refuse_others
 from builder.truth.flights import drawn_vehicle
-from builder.truth.shape import ShapeFlights, refuse_without_other_model, shape_flights
+from builder.truth.shape import ShapeFlights, refuse_without_independent_model, shape_flights
 from builder.vehicle.file import VEHICLES, load_vehicle
 from strainfmu.errors import InputError
 
@@ -81,7 +81,7 @@ def test_errors_that_no_displaced_gauge_shows_and_a_vehicle_without_another_mode
         with pytest.raises(InputError, match=f"noise.{entry}: expected 0"):
             refuse_others(noise.model_copy(update={entry: 1.0}))
     finned = load_vehicle(VEHICLES / "finned_body.toml")
-    refuse_without_other_model(finned)
+    refuse_without_independent_model(finned)
     parameters = {
         name: one.model_copy(update={"surfaces": []}) for name, one in finned.conditions.parameters.items()
     }
@@ -95,6 +95,6 @@ def test_errors_that_no_displaced_gauge_shows_and_a_vehicle_without_another_mode
     ):
         sections = {name: getattr(finned, name).model_copy(update=entry) for name, entry in changes.items()}
         with pytest.raises(InputError, match=message):
-            refuse_without_other_model(finned.model_copy(update=sections))
+            refuse_without_independent_model(finned.model_copy(update=sections))
     with pytest.raises(InputError, match=r"structure\.checked_by: expected another mesh"):
         load_vehicle(VEHICLES / "finned_body.toml", {"structure.checked_by": "finned_body.vtu"})

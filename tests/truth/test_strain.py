@@ -277,9 +277,9 @@ def test_knots_and_cubics_between_them_are_met_from_zero_incidence_on() -> None:
 @pytest.mark.parametrize(
     ("mach", "incidence", "message"),
     [
-        (4.9, 0.1, "mach_number: 4.9 to 4.9 found, 5 to 7 known"),
-        (6.0, 0.21, r"total incidence \[rad\]: 0.21 to 0.21 found, 0 to 0.2 known"),
-        (np.nan, 0.1, "mach_number: nan to nan found"),
+        (4.9, 0.1, "mach_number: 4.9 to 4.9 needed, the flows are of 5 to 7"),
+        (6.0, 0.21, r"total incidence \[rad\]: 0.21 to 0.21 needed, the flows are of 0 to 0.2"),
+        (np.nan, 0.1, "mach_number: nan to nan needed"),
     ],
 )
 def test_outside_the_knots_nothing_is_known(mach: float, incidence: float, message: str) -> None:

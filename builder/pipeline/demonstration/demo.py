@@ -16,7 +16,7 @@ from builder.campaign.snapshots import load_snapshots, snapshots_on
 from builder.figures import demonstration as figures
 from builder.figures.comparison.flown_estimators import estimator_errors
 from builder.figures.drawing.canvas import save
-from builder.pipeline.chosen_estimator import with_estimator
+from builder.pipeline.chosen_estimator import estimator_of, with_estimator
 from builder.pipeline.demonstration.as_built_demo import CALIBRATED, AsBuiltRun
 from builder.pipeline.demonstration.flight_scores import (
     SCORE_VERSION,
@@ -30,7 +30,7 @@ from builder.pipeline.demonstration.flown_shape import (
     FLIGHT_MODEL,
     PLANT,
     STEP_SIZE,
-    check_parameters,
+    checked_manoeuvre,
     digest_of,
     fly_free_shape,
     make_coefficients,
@@ -53,12 +53,10 @@ from builder.structure.as_built_kinds import IN_NOISE
 from builder.structure.gauge_checks import gauge_roll_angles
 from builder.trial.readings import ANGLES
 from builder.truth.flights import FlownPhysics, drawn_vehicle, flown_physics
-from builder.truth.revolution.flow_table import truth_knots
 from builder.truth.shape import refuse_without_independent_model
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
 from builder.vehicle.shape.geometry import surface_grid
-from strainfmu.cosim.models.flight_model import check_envelope
-from strainfmu.cosim.models.trajectory import Trajectory, load_trajectory
+from strainfmu.cosim.models.trajectory import Trajectory
 from strainfmu.cosim.systems.master import matching_connections, simulate
 from strainfmu.cosim.systems.recording import Recording
 from strainfmu.cosim.systems.system import System
@@ -201,14 +199,10 @@ def _flown(
     refuse_without_demo(vehicle)
     if ground_test is not None:
         refuse_unheld(vehicle, vehicle.gauges.layout)
-    manoeuvre, of_revolution = vehicle.manoeuvre(), vehicle.is_axisymmetric
-    path = load_trajectory(manoeuvre, tuple(vehicle.conditions.parameters))
-    if of_revolution:
-        mach, incidence = truth_knots(vehicle)
-        check_envelope(mach, np.append(0.0, incidence), path, manoeuvre)
+    of_revolution = vehicle.is_axisymmetric
+    path = checked_manoeuvre(vehicle, (pipeline.flown or vehicle).flight_conditions())
     make_map(pipeline)
     snapshots = load_snapshots(pipeline.path(SNAPSHOTS))
-    check_parameters(vehicle, path, snapshots.conditions(), manoeuvre)
     is_rolled = of_revolution and snapshots.grid is not None
     for warning in manoeuvre_warnings(vehicle, path, snapshots.conditions(), is_rolled):
         reporter.note(warning)
@@ -312,8 +306,7 @@ def _held_out(pipeline: Pipeline) -> dict[str, Any]:
     """Return the score on results that maps are made without; empty where there are too few results."""
 
     def score() -> dict[str, Any]:
-        flies = load_inverse_map(pipeline.path(MAP))
-        vehicle = with_estimator(pipeline.vehicle, "linear" if flies.manifold is None else "nonlinear")
+        vehicle = with_estimator(pipeline.vehicle, estimator_of(load_inverse_map(pipeline.path(MAP))))
         snapshots, structure = map_parts(pipeline)
         return held_out_score(vehicle, snapshots, structure, pipeline.reporter, solid_structure_of(pipeline)) or {}
 

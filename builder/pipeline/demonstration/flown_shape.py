@@ -32,15 +32,15 @@ from builder.structure.as_built_kinds import IN_NOISE
 from builder.structure.structure_file import load_structure
 from builder.trial.readings import ANGLES
 from builder.trial.score import ROLLING
-from builder.truth.revolution.flow_table import load_flow_table
+from builder.truth.revolution.flow_table import load_flow_table, truth_knots
 from builder.truth.revolution.strain import TrueStructure, flight_model
 from builder.truth.shape import flights_along, flows_along, flying_structure
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map_needs import is_in_radians
 from strainfmu.cosim.estimators.fmu_step import FmuStep
 from strainfmu.cosim.models import flight_model as flight_model_file
-from strainfmu.cosim.models.flight_model import save_flight_model
-from strainfmu.cosim.models.trajectory import Trajectory
+from strainfmu.cosim.models.flight_model import check_envelope, save_flight_model
+from strainfmu.cosim.models.trajectory import Trajectory, load_trajectory
 from strainfmu.cosim.systems.recording import Recording, load_recording, save_csv, save_hdf5
 from strainfmu.errors import FaultsError
 from strainfmu.estimator.air_inputs import ALTITUDE, DYNAMIC_PRESSURE, MACH_NUMBER, Q_SOURCE, QSource
@@ -161,20 +161,19 @@ ROUND_OFF = 1e-9
 """By which a manoeuvre may exceed a range, in the unit of each quantity."""
 
 
-def check_parameters(
-    vehicle: Vehicle, trajectory: Trajectory, conditions: Sequence[FlightCondition], path: Path
-) -> None:
-    """Refuse a manoeuvre that takes a flow parameter out of the range of ``conditions``, the snapshots'.
+def checked_manoeuvre(vehicle: Vehicle, conditions: Sequence[FlightCondition]) -> Trajectory:
+    """Return the manoeuvre, within the flight model and, in its flow parameters, the snapshots' ``conditions``.
 
     Health would be OUTSIDE there, as the parameters are inputs of the estimator. Mach number and incidence beyond
     the snapshots' get a warning.
 
     Raises
     ------
-    FaultsError
-        A line per parameter, with the worst value and its time.
+    InputError
+        It leaves them: a line per parameter, with the worst value and its time.
     """
-    faults = []
+    path, faults = vehicle.manoeuvre(), list[str]()
+    trajectory = load_trajectory(path, tuple(vehicle.conditions.parameters))
     for i, name in enumerate(vehicle.conditions.parameters):
         known = [c.parameters[i] for c in conditions]
         flown = [FlightCondition.of_row(row).parameters[i] for row in trajectory.conditions.tolist()]
@@ -187,6 +186,10 @@ def check_parameters(
             )
     if faults:
         raise FaultsError("\n".join(faults))
+    if vehicle.is_axisymmetric:
+        mach, incidence = truth_knots(vehicle)
+        check_envelope(mach, np.append(0.0, incidence), trajectory, path)
+    return trajectory
 
 
 def manoeuvre_warnings(
@@ -294,13 +297,12 @@ def _fly(pipeline: Pipeline, path: Trajectory, as_built: AsBuilt) -> Recording:
     estimator |= {STATE: "", CHI_SQUARE: "1", CHI_SQUARE_LIMIT: "1", **dict.fromkeys(of_rolling, "1")}
     units = {f"plant.{name}": unit for name, unit in plant.items()}
     units |= {f"estimator.{name}": unit for name, unit in estimator.items()}
-    loads = [np.concatenate([part.coefficients for part in flown])]
-    loads += [np.concatenate([part.rolling for part in flown if part.rolling is not None])] if rolling else []
+    loads = np.concatenate([part.coefficients for part in flown])[:, : len(COEFFICIENT_NAMES) + len(rolling)]
     return Recording(
         time=time,
         names=tuple(units),
         units=tuple(units.values()),
-        values=np.column_stack([*loads, strain, stated, table, np.array(rows)]),
+        values=np.column_stack([loads, strain, stated, table, np.array(rows)]),
         instances=("estimator",),
         step_cost=np.array(cost[1:])[:, None],
     )

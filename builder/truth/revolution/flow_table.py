@@ -136,7 +136,7 @@ def knot_weights(table: FlowTable, mach: FloatArray, incidence: FloatArray) -> t
 
     Raises
     ------
-    InputError
+    FlowReachError
         A condition is outside the knots.
     """
     for name, values, low, high in (
@@ -144,9 +144,8 @@ def knot_weights(table: FlowTable, mach: FloatArray, incidence: FloatArray) -> t
         ("total incidence [rad]", incidence, 0.0, table.incidence_knots[-1]),
     ):
         if not (np.all(values >= low - 1e-9) and np.all(values <= high + 1e-9)):
-            raise InputError(
-                f"{name}: {values.min():.6g} to {values.max():.6g} found, {low:.6g} to {high:.6g} known"
-            )
+            needed = f"{values.min():.6g} to {values.max():.6g}"
+            raise FlowReachError(f"{name}: {needed} needed, the flows are of {low:.6g} to {high:.6g}")
     n_mach, n_incidence = table.harmonic.shape[:2]
     along_mach = CubicSpline(table.mach_knots, np.eye(n_mach), axis=0)(mach)
     knots = np.concatenate([-table.incidence_knots[::-1], table.incidence_knots])

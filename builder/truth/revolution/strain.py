@@ -84,28 +84,18 @@ def true_structure(
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class BuiltSensors:
-    """The n_s sensors of one vehicle, with the errors of its hardware.
+class BuiltSensors(FlightGauges):
+    """The n_s auxiliary sensors of one vehicle, all at roll angle 0, in units of their own.
 
     Attributes
     ----------
-    names, kind, unit : of the readings.
-    response : (n_s, n_m, n_x, 2) reading per harmonic m of the pressure at a station, as cos and sin of m times
-        the roll angle from the pressure's crest to roll angle 0 [unit/Pa].
-    per_ambient, per_dynamic : (n_s,) what each reads besides, per p_inf and q_inf: base pressure, friction, an
-        error of the pressure inside [unit/Pa].
-    offset : (n_s,) reading without load [unit].
+    kind, unit : of the readings.
     std, largest : (n_s,) standard deviation of the noise, and largest reading [unit].
     thrust_response : (n_s,) [unit/N].
     """
 
-    names: tuple[str, ...]
     kind: tuple[str, ...]
     unit: tuple[str, ...]
-    response: FloatArray
-    per_ambient: FloatArray
-    per_dynamic: FloatArray
-    offset: FloatArray
     std: FloatArray
     largest: FloatArray
     thrust_response: FloatArray
@@ -152,7 +142,7 @@ def sensor_readings(
     of_flow = np.einsum("ksm,km->ks", by_harmonic[..., 0], np.cos(phase))
     of_flow += np.einsum("ksm,km->ks", by_harmonic[..., 1], np.sin(phase))
     net = of_flow - sensors.of_uniform + sensors.per_ambient
-    return np.asarray(ambient * net + dynamic * sensors.per_dynamic + sensors.offset)
+    return np.asarray(ambient * net + dynamic * sensors.per_dynamic + sensors.apparent)
 
 
 FlyingSensors = Callable[[AsBuilt, np.random.Generator | None], BuiltSensors]
@@ -379,15 +369,9 @@ def flight_model(
 
 def _with_sensors(gauges: FlightGauges, sensors: BuiltSensors) -> FlightGauges:
     """Return ``gauges`` with the auxiliary sensors behind them."""
-    return FlightGauges(
-        names=(*gauges.names, *sensors.names),
-        roll_angle=np.append(gauges.roll_angle, np.zeros(len(sensors.names))),
-        response=np.concatenate([gauges.response, sensors.response]),
-        apparent=np.append(gauges.apparent, sensors.offset),
-        per_ambient=np.append(gauges.per_ambient, sensors.per_ambient),
-        per_dynamic=np.append(gauges.per_dynamic, sensors.per_dynamic),
-        record=gauges.record,
-    )
+    arrays = ("roll_angle", "response", "apparent", "per_ambient", "per_dynamic")
+    both = {name: np.concatenate([getattr(part, name) for part in (gauges, sensors)]) for name in arrays}
+    return replace(gauges, names=(*gauges.names, *sensors.names), **both)
 
 
 def _spline_table(mach: FloatArray, incidence: FloatArray, values: FloatArray, parity: FloatArray) -> FloatArray:
