@@ -1,4 +1,4 @@
-"""The shipped vehicle at a coarse resolution, a map of few conditions, and flows beyond its envelope."""
+"""Worlds of the coarse vehicle of :mod:`coarse_vehicle`, with flows beyond its envelope, and of another shape."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from coarse_vehicle import COARSE
 from deflected_shape import DEFLECTIONS, NAME, deflected, known_map
 from shape_case import flown as flown_shape
 from shape_case import shape_map, shape_vehicle
@@ -18,15 +17,14 @@ from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
 from builder.manifold.nonlinear_build import with_manifold
 from builder.pipeline.built_sensors import flown_sensors
-from builder.pipeline.stages import take_snapshots
 from builder.pipeline.trials import shape_conditions
 from builder.reporting import Silent
-from builder.structure.fourier.fourier_model import StructuralModel, structural_model
+from builder.structure.fourier.fourier_model import StructuralModel
 from builder.trial import conditions
 from builder.trial.cases import cases_for, load_trial
 from builder.trial.readings import World
 from builder.truth.revolution.flow_table import FlowTable, solved_flows
-from builder.truth.revolution.strain import TrueStructure, true_structure
+from builder.truth.revolution.strain import TrueStructure
 from builder.vehicle.conditions.flight_conditions import FlowParameter
 from builder.vehicle.file import Vehicle
 from builder.vehicle.gauges.sensor_entries import InertialUnit, Ports, Sensors
@@ -36,75 +34,58 @@ from strainfmu.estimator.map.inverse_map import InverseMap
 
 @pytest.fixture(scope="session")
 def full_map(vehicle: Vehicle, snapshots: Snapshots, structure: StructuralModel) -> InverseMap:
-    """The map of all conditions with tables, levels those of the theory; it identifies nothing of one row."""
+    """The map with tables, levels those of the theory; it identifies nothing of one row."""
     return with_manifold(build_inverse_map(vehicle, snapshots, structure), vehicle, snapshots, structure)
 
 
 @pytest.fixture(scope="session")
-def full_world(vehicle: Vehicle, true_model: TrueStructure, table: FlowTable, full_map: InverseMap) -> World:
-    """The same, flown at 200 conditions between the snapshots."""
-    return World(vehicle=vehicle, structure=true_model, flows=table, inverse_map=full_map, seed=4)
-
-
-@pytest.fixture(scope="session")
-def flown(vehicle: Vehicle) -> Vehicle:
-    """The coarse vehicle with every second listed angle and Mach number."""
-    listed = {"mach_number": [5.0, 6.0, 7.0], "angle_of_attack_deg": [0.0, 3.0, 7.0, 10.0]}
-    return vehicle.model_copy(update={"conditions": vehicle.conditions.model_copy(update=listed)})
-
-
-@pytest.fixture(scope="session")
-def flow_beyond(flown: Vehicle, compiled_solver: None) -> FlowTable:
+def flow_beyond(vehicle: Vehicle, compiled_solver: None) -> FlowTable:
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(conditions, "MACH_KNOTS", 5)
         patched.setattr(conditions, "INCIDENCE_KNOTS", 6)
-        knots = conditions.stress_knots(flown)
-        return solved_flows(flown, *knots, Silent(), failed={}, scheduling=Scheduling(workers=0))
+        knots = conditions.stress_knots(vehicle)
+        return solved_flows(vehicle, *knots, Silent(), failed={}, scheduling=Scheduling(workers=0))
 
 
 @pytest.fixture(scope="session")
-def flown_snapshots(flown: Vehicle, compiled_solver: None) -> Snapshots:
-    return take_snapshots(flown)
+def tabled_world(
+    vehicle: Vehicle, true_model: TrueStructure, flow_beyond: FlowTable, full_map: InverseMap
+) -> World:
+    return World(vehicle=vehicle, structure=true_model, flows=flow_beyond, inverse_map=full_map, conditions=50)
 
 
 @pytest.fixture(scope="session")
-def flying(flown: Vehicle) -> TrueStructure:
-    return true_structure(flown)
-
-
-def linear_map(vehicle: Vehicle, snapshots: Snapshots) -> InverseMap:
-    return build_inverse_map(vehicle, snapshots, structural_model(vehicle, COARSE, [vehicle.gauges.layout]))
+def full_world(tabled_world: World) -> World:
+    """The same, flown at 200 conditions."""
+    return other_world(tabled_world, conditions=200, seed=4)
 
 
 @pytest.fixture(scope="session")
-def world(flown: Vehicle, flying: TrueStructure, flow_beyond: FlowTable, flown_snapshots: Snapshots) -> World:
-    made = linear_map(flown, flown_snapshots)
-    return World(vehicle=flown, structure=flying, flows=flow_beyond, inverse_map=made, conditions=50)
+def world(tabled_world: World, snapshots: Snapshots, structure: StructuralModel) -> World:
+    """The same with the linear map alone."""
+    return other_world(tabled_world, inverse_map=build_inverse_map(tabled_world.vehicle, snapshots, structure))
 
 
 @pytest.fixture(scope="session")
-def tabled_world(world: World, full_map: InverseMap) -> World:
-    return other_world(world, inverse_map=full_map)
-
-
-@pytest.fixture(scope="session")
-def sensed_world(world: World, flying: TrueStructure, flown_snapshots: Snapshots) -> World:
+def sensed_world(
+    world: World, true_model: TrueStructure, snapshots: Snapshots, structure: StructuralModel
+) -> World:
     """The same vehicle with ports and an inertial unit."""
     sensors = Sensors(
         ports=Ports(x_m=0.3, roll_deg=[0.0, 90.0, 180.0, 270.0], std_Pa=300.0, range_Pa=2e5, gain_percent=0.25),
         imu=InertialUnit(x_m=1.2, mass_kg=150.0, center_x_m=2.0, inertia_kg_m2=130.0, thrust_std_N=5.0),
     )
     vehicle = world.vehicle.model_copy(update={"sensors": sensors})
-    made, fly = linear_map(vehicle, flown_snapshots), flown_sensors(vehicle, flying.surface)
+    made, fly = build_inverse_map(vehicle, snapshots, structure), flown_sensors(vehicle, true_model.surface)
     assert fly is not None
     return other_world(world, vehicle=vehicle, inverse_map=made, sensors=fly.as_built, conditions=40)
 
 
 @pytest.fixture(scope="session")
-def heavy_world(world: World, flown_snapshots: Snapshots) -> World:
+def heavy_world(world: World, snapshots: Snapshots, structure: StructuralModel) -> World:
     """The same vehicle with a section [mass]."""
     vehicle = world.vehicle.model_copy(update={"mass": Mass(unlisted_kg=1.0)})
-    made = linear_map(vehicle, flown_snapshots)
+    made = build_inverse_map(vehicle, snapshots, structure)
     return other_world(world, vehicle=vehicle, inverse_map=made, conditions=40)
 
 

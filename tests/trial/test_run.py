@@ -222,12 +222,12 @@ def test_a_map_without_temperature_flies_the_standard_wall(world: World) -> None
 
 
 @pytest.mark.slow
-def test_a_wall_that_warms_costs_little(world: World, flown_snapshots: Snapshots) -> None:
+def test_a_wall_that_warms_costs_little(world: World, snapshots: Snapshots) -> None:
     entry = standard_temperature(world.vehicle.body().length)
     vehicle = world.vehicle.model_copy(update={"temperature": entry})
     structure = structural_model(vehicle, COARSE, [vehicle.gauges.layout])
-    linear = build_inverse_map(vehicle, flown_snapshots, structure)
-    made = with_manifold(linear, vehicle, flown_snapshots, structure)
+    linear = build_inverse_map(vehicle, snapshots, structure)
+    made = with_manifold(linear, vehicle, snapshots, structure)
     warm = other_world(world, vehicle=vehicle, inverse_map=made, conditions=100)
     plan = Plan(vehicles=1, estimators=["linear", "nonlinear"])
     isothermal, *hot = (

@@ -11,7 +11,7 @@ import numpy as np
 from builder.figures.drawing.canvas import blank_figure
 from builder.figures.drawing.words import with_signs
 from builder.trial.run import FILTER
-from builder.trial.score import LIMITS, MISSED
+from builder.trial.score import LIMITS, MISSED, NONE, OK
 from builder.trial.table import TITLES, in_order, loads_of
 
 if TYPE_CHECKING:
@@ -70,7 +70,9 @@ def trial_figure(rows: Sequence[Mapping[str, Any]], title: str) -> Figure:
                 )
         for y, row in enumerate(group):
             percent = f"{row['undetected_percent']:.1f}"
-            text = f"{percent if percent != '0.0' else ''} {'missed' if row['verdict'] == MISSED else ''}"
+            text = (
+                f"{percent if percent != '0.0' else ''} {'' if row['verdict'] in (OK, NONE) else row['verdict']}"
+            )
             colour = "#d7301f" if row["verdict"] == MISSED else "k"
             bars.text(101.0, y, text, va="center", fontsize=7, clip_on=False, color=colour)
         labels = [row["case"] + (f" ({row['estimator']})" if several else "") for row in group]
