@@ -82,7 +82,7 @@ def test_each_sample_is_one_of_five() -> None:
     assert (every["load"], every["samples"], every["flagged_percent"]) == ("all", 6, pytest.approx(3 * sixth))
     assert every["alarm_percent"] == pytest.approx(sixth)
     assert a["covered_percent"] == pytest.approx(60.0)  # of samples with an estimate
-    assert a["covered_1_percent"] == pytest.approx(2 * sixth)
+    assert a["covered_1_percent"] == pytest.approx(40.0)
     assert a["undetected_percent"] == pytest.approx(sixth)
     assert (a["rms"], a["bias"], a["sigma"]) == pytest.approx((np.sqrt(36.0 / 5.0), 0.4, 1.0))
     assert a["over_bound"] == pytest.approx(a["rms"] / 2.0)
