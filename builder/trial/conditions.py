@@ -369,10 +369,7 @@ class Motion(Section):
         plane, phase = random.uniform(0.0, 2.0 * pi, 2).tolist()
         incidence = self._incidence(envelope_incidence(vehicle), phase)
         angles = [wind_angles(abs(angle), plane + (pi if angle < 0.0 else 0.0)) for angle in incidence.tolist()]
-        return [
-            FlightCondition(mach_number=mach, angle_of_attack=alpha, sideslip_angle=beta, altitude=altitude)
-            for alpha, beta in angles
-        ]
+        return [FlightCondition(mach, *both, altitude) for both in angles]
 
     def _incidence(self, largest: float, phase: float) -> FloatArray:
         """Return (n,) signed incidence [rad] in the plane of the motion."""

@@ -118,47 +118,44 @@ def flying_structure(vehicle: Vehicle, known: Structure | None, reporter: Report
         raise InputError(NO_SECOND_MESH)
     with reporter.stage("Structure: the vehicle that flies") as progress:
         check = on_other_mesh(case, mesh, progress)
-    ends = np.cumsum([len(gauges_of_layout.name) for gauges_of_layout in case.layouts.values()])
-    rows = {
-        name: np.arange(end - len(gauges_of_layout.name), end)
-        for (name, gauges_of_layout), end in zip(case.layouts.items(), ends.tolist(), strict=True)
-    }
+    ends = np.cumsum([len(gauges.name) for gauges in case.layouts.values()])
+    operators = dict(zip(case.layouts, np.split(check.strain_operator, ends[:-1]), strict=True))
     gauges = case.layouts[layout]
-    return _structure(vehicle, names=gauges.name, position=gauges.position, check=check, rows=rows.__getitem__)
+    return _structure(vehicle, gauges.name, gauges.position, check, operators.__getitem__)
 
 
 def structure_of_check(vehicle: Vehicle, known: Structure, check: MeshCheck) -> ShapeStructure:
     """Return the gauges in use on the mesh that ``known``, the structure of the map, was checked by."""
     gauges = known.gauges_of(vehicle.gauges.layout)
+    names = tuple(known.gauge_names[i] for i in gauges)
     return _structure(
         vehicle,
-        names=tuple(known.gauge_names[i] for i in gauges),
-        position=known.gauge_position[gauges],
-        check=check,
-        rows=known.gauges_of,
+        names,
+        known.gauge_position[gauges],
+        check,
+        lambda name: check.strain_operator[known.gauges_of(name)],
     )
 
 
 def _structure(
     vehicle: Vehicle,
-    *,
     names: tuple[str, ...],
     position: FloatArray,
     check: MeshCheck,
-    rows: Callable[[str], IntArray],
+    operators: Callable[[str], FloatArray],
 ) -> ShapeStructure:
-    """Return the structure from ``check``, whose ``rows`` by name of layout hold gauges in place and displaced."""
+    """Return the structure from ``check``, whose ``operators`` by name of layout are of gauges in place and
+    displaced."""
     refuse_others(vehicle.noise)
     assert check.point is not None
     assert check.triangle is not None
-    layout, operator = vehicle.gauges.layout, check.strain_operator
-    moved = None
+    layout, moved = vehicle.gauges.layout, None
     if vehicle.noise.moves_gauges:
-        moved = {how: operator[rows(displaced_name(layout, how))] for how in DISPLACED}.__getitem__
+        moved = {how: operators(displaced_name(layout, how)) for how in DISPLACED}.__getitem__
     return ShapeStructure(
         names=names,
         position=position,
-        operator=ways_of(operator[rows(layout)], moved),
+        operator=ways_of(operators(layout), moved),
         surface=SurfaceMesh(check.point, check.triangle),
     )
 

@@ -218,6 +218,8 @@ def manoeuvre_warnings(
     heights, listed = both(lambda c: 1e-3 * c.altitude)
     covered = list(vehicle.map.valid_altitude_km) if vehicle.map.follows_pressure else listed
     ranges.append((ALTITUDE, " km", heights, covered))
+    for i, name in enumerate(vehicle.conditions.parameters):
+        ranges.append((name, "", [c.parameters[i] for c in flown], [c.parameters[i] for c in conditions]))
     largest = max(total), max(known)
     radians = "warning: the manoeuvre flies {:.4g} deg at most, the map covers {:.4g} deg: in radians?"
     return [radians.format(*largest)] * is_in_radians(*largest) + [
