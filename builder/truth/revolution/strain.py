@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from math import factorial
+from typing import Any
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -370,7 +371,9 @@ def flight_model(
 def _with_sensors(gauges: FlightGauges, sensors: BuiltSensors) -> FlightGauges:
     """Return ``gauges`` with the auxiliary sensors behind them."""
     arrays = ("roll_angle", "response", "apparent", "per_ambient", "per_dynamic")
-    both = {name: np.concatenate([getattr(part, name) for part in (gauges, sensors)]) for name in arrays}
+    both: dict[str, Any] = {
+        name: np.concatenate([getattr(part, name) for part in (gauges, sensors)]) for name in arrays
+    }
     return replace(gauges, names=(*gauges.names, *sensors.names), **both)
 
 
