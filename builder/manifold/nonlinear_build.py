@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import nnls
@@ -27,6 +27,7 @@ from builder.inverse.build import build_inverse_map
 from builder.inverse.modes.ensemble import Ensemble, rolled_modes
 from builder.inverse.noise.error_list import PROCESS, SPREAD, by_role, error_named, record_of
 from builder.inverse.noise.flow_models import FLOW_MODELS, LEVEL
+from builder.inverse.noise.hardware_errors import HardwareError
 from builder.inverse.noise.leeward import LEEWARD_PRESSURE
 from builder.inverse.noise.model import NoiseTerm, fixed_covariance
 from builder.inverse.problem import AnyStructure, inverse_problem, on_structure
@@ -109,6 +110,9 @@ def winds_read_alike(manifold: ManifoldMap) -> tuple[float, float] | None:
     return pair
 
 
+GAINS = ("gauge gain", "common gain", "sensor gain")
+"""Errors in proportion to the reading itself."""
+
 DIRECTIONS = 12
 """Roll angles of the combinations that look into one direction."""
 
@@ -116,32 +120,50 @@ _FIRST, _SECOND = np.array(PAIRS).T
 _TWICE = np.where(_FIRST == _SECOND, 1.0, 2.0)
 
 
-def followed_errors(vehicle: Vehicle, problem: Problem) -> dict[str, Any]:
-    """Return a map's fields of errors that follow strain, but for gains: of each gauge (21, n_d), and common ones
-    (n_t, 6, n_d) that are estimated and considered."""
+class FollowedError(NamedTuple):
+    """An error that follows strain: its slopes (6, n_d) over 1 and the loads, and its rest (n, n_d), per p_inf."""
+
+    error: HardwareError
+    slope: FloatArray
+    rest: FloatArray
+
+
+def errors_over_loads(vehicle: Vehicle, problem: Problem) -> tuple[FloatArray, list[FollowedError]]:
+    """Return 1 and the five loads over p_inf S (L) of the members (n, 6), and each error over them.
+
+    That is by least squares. Gains, which have fields of their own in a map, are left out.
+    """
     reference, ensemble = vehicle.reference_quantities(), problem.ensemble
-    n_d = len(problem.strain_operator)
     scale = reference.area * np.array([1.0, 1.0, 1.0, reference.length, reference.length])
     pressure = np.tile(ensemble.ambient_pressure, ensemble.rolls)[:, None]
     loads = ensemble.responses(problem.load_operator[FIVE_LOADS]) / pressure / scale
     c = np.hstack([np.ones((len(loads), 1)), loads])
-    root = np.sqrt(ensemble.member_weight)[:, None]
-    products, square = np.zeros((len(PAIRS), n_d)), np.zeros((len(c), n_d))
-    common: dict[Role, list[FloatArray]] = {"estimated": [], "considered": []}
+    root, followed = np.sqrt(ensemble.member_weight)[:, None], []
     for error in [*problem.errors, *friction_error(vehicle, problem)]:
-        if error.name in ("gauge gain", "common gain", "sensor gain"):
+        if error.name in GAINS:
             continue
         strain = error.strain / pressure
         slope = np.linalg.lstsq(root * c, root * strain, rcond=1e-10)[0]
+        followed.append(FollowedError(error, slope, strain - c @ slope))
+    return c, followed
+
+
+def followed_errors(vehicle: Vehicle, problem: Problem) -> dict[str, Any]:
+    """Return a map's fields of errors that follow strain, but for gains: of each gauge (21, n_d), and common ones
+    (n_t, 6, n_d) that are estimated and considered."""
+    n_d, (c, followed) = len(problem.strain_operator), errors_over_loads(vehicle, problem)
+    products, square = np.zeros((len(PAIRS), n_d)), np.zeros((len(c), n_d))
+    common: dict[Role, list[FloatArray]] = {"estimated": [], "considered": []}
+    for error, slope, rest in followed:
         if not error.common or error.with_rest:
-            square += (strain - c @ slope) ** 2
+            square += rest**2
         if error.common:
             common[error_named(error.name).role].append(slope)
             continue
         products += _TWICE[:, None] * slope[_FIRST] * slope[_SECOND]
     estimated, considered = (np.array(slopes).reshape(-1, 6, n_d) for slopes in common.values())
     return {
-        "gauge_error_product": products + squares_fitted(c, square, ensemble.member_weight),
+        "gauge_error_product": products + squares_fitted(c, square, problem.ensemble.member_weight),
         "common_error": estimated,
         "considered_common": considered,
     }

@@ -15,10 +15,10 @@ import numpy as np
 from builder.campaign.snapshots import Snapshots
 from builder.figures.drawing.canvas import save
 from builder.figures.placement_figures import placement_figure
-from builder.inverse.problem import AnyStructure
+from builder.inverse.problem import AnyStructure, inverse_problem
 from builder.pipeline.load_test_proposal import flows_for_design
 from builder.pipeline.map_files import cached_or_solved_structure, files_of_vehicle
-from builder.pipeline.stages import AnyProgress, fourier_structure, on_snapshots, reporter_of
+from builder.pipeline.stages import AnyProgress, fourier_structure, map_from, on_snapshots, reporter_of
 from builder.pipeline.used_files import MAP
 from builder.placement import design
 from builder.placement.candidates import CandidateGrid
@@ -27,11 +27,12 @@ from builder.placement.design import GOALS, Aim, Placement, Study, placement_stu
 from builder.placement.flight_models import Kind
 from builder.placement.limits import Limits, Zone
 from builder.placement.review import Review, review_of
-from builder.reporting import Reporter
+from builder.reporting import Reporter, Silent
+from builder.reports.build_report.build_findings import BuildReport, build_report
+from builder.reports.build_report.build_page import report_page
 from builder.reports.page.html import write_page
-from builder.reports.page.origin import input_files, origin_of
+from builder.reports.page.origin import InputFile, input_files
 from builder.reports.page.packages import without_packages
-from builder.reports.placement_page import placement_page
 from builder.structure.as_built_kinds import ALWAYS_DRAWN, IN_NOISE
 from builder.structure.fourier.fourier_model import refuse_beyond_fourier
 from builder.vehicle.file import Vehicle, load_vehicle
@@ -317,10 +318,10 @@ def review(
     snapshots: str | Path | None = None,
     progress: AnyProgress = None,
 ) -> Review:
-    """Review a gauge layout: what it observes, what each gauge contributes, and which losses it does not bear.
+    """Review a gauge layout: the report of a build with it, and how it compares with other layouts.
 
-    The page names the weakest load and the reason, the gauges that could go, and the one gauge that would help
-    most.
+    The report judges a map of the layout. One section more names the gauges that could go, the one gauge that
+    would help most, and the pressure that the gauges do not observe.
 
     On the command line::
 
@@ -336,7 +337,7 @@ def review(
     Raises
     ------
     InputError
-        As :func:`place`; or there is no such layout.
+        As :func:`place` and :func:`build`; or there is no such layout.
     """
     return review_layout(
         Path(vehicle),
@@ -359,14 +360,14 @@ def review_layout(
     reporter: Reporter,
     snapshots_path: Path | None = None,
 ) -> Review:
-    """Write the review of a layout as a page, and as PDF next to it where reportlab is installed.
+    """Write the report of a layout with its review as a page, and as PDF next to it where reportlab is installed.
 
     ``layout`` is a name of the vehicle file or a layout file (CSV).
 
     Raises
     ------
     InputError
-        As :func:`propose_gauges`; or there is no such layout.
+        As :func:`propose_gauges`; there is no such layout, or it cannot carry a map.
     """
     if path.suffix.lower() == ".pdf":
         raise InputError(
@@ -386,10 +387,14 @@ def review_layout(
     with reporter.stage("Review: strain and models") as progress:
         study = placement_study(vehicle, snapshots, structure, grid, kind, progress=progress)
         review = review_of(study)
-    line = judged(vehicle, study, snapshots, map_path)
-    reporter.note(line)
-    title = f"{vehicle.name}: gauges {Path(layout or vehicle.gauges.layout).name}"
-    page = placement_page(title, review, origin_of(files), f"{line[:1].upper()}{line[1:]}.")
+    reporter.note(judged(vehicle, study, snapshots, map_path))
+    with reporter.stage("Review: the map of the layout"):
+        report = report_of_layout(vehicle, snapshots, structure, study.kind, files)
+    if report.in_use.is_nonlinear != (study.kind == "nonlinear"):
+        reporter.note(
+            f"report: of {report.in_use.name}: {report.inverse_map.provenance['estimator_choice']['why']}"
+        )
+    page = report_page(report, review)
     write_page(page, path)
     line = without_packages(path.name)
     if line:
@@ -399,6 +404,17 @@ def review_layout(
 
     write_pdf(page, path.with_suffix(".pdf"))
     return review
+
+
+def report_of_layout(
+    vehicle: Vehicle, snapshots: Snapshots, structure: AnyStructure, kind: Kind, files: tuple[InputFile, ...]
+) -> BuildReport:
+    """Return the report of the map of the layout in use: nonlinear if that is the ``kind`` and gauges suffice."""
+    entry = vehicle.map.model_copy(update={"estimator": "linear" if kind == "linear" else "auto"})
+    chosen = vehicle.model_copy(update={"map": entry})
+    problem = inverse_problem(chosen, snapshots, structure)
+    inverse_map = map_from(chosen, snapshots, structure, Silent(), problem=problem, compares=False)
+    return build_report(chosen, snapshots, structure, inverse_map, files=files, problem=problem)
 
 
 def with_layout(vehicle: Vehicle, layout: str | None) -> Vehicle:

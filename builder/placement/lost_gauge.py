@@ -69,21 +69,6 @@ def _seen(model: GaussianModel, sites: Sequence[int] | IntArray) -> tuple[FloatA
     return row_covariance @ np.swapaxes(rows, 1, 2), of_goals, np.asarray(variance)
 
 
-def fault_sizes(model: GaussianModel, sites: Sequence[int] | IntArray) -> FloatArray:
-    """Return (k,) standard deviations of each gauge's prediction by all others, over its noise, plus the noise.
-
-    An offset of gauge h shows in the difference from the prediction, whose variance is 1 / (1 - h' P h); root mean
-    square over the states. An offset of x of these standard deviations moves a goal by x sqrt(r^2 - 1) of its
-    sigma, where r is the ratio of :func:`loss_ratios`: so a bound of r limits the effect of a fault that the other
-    gauges do not detect.
-
-    Source: Baarda, A testing procedure for use in geodetic networks, 1968 (internal and external reliability).
-    """
-    between, _, _ = _seen(model, sites)
-    redundancy = np.maximum(1.0 - np.diagonal(between, axis1=1, axis2=2), 1e-12)
-    return np.asarray(np.sqrt(model.weight @ (1.0 / redundancy)))
-
-
 def loss_ratios(model: GaussianModel, sites: Sequence[int] | IntArray) -> FloatArray:
     """Return (k, n_g) ratios of the sigmas without each gauge of ``sites`` to the sigmas with all.
 

@@ -122,7 +122,7 @@ def test_place_gauges_and_review(ogive_demo: Path, tmp_path: Path) -> None:
         OGIVE, tmp_path / "layout.csv", tmp_path / "review.html", estimator="linear", snapshots=flows
     )
     assert (tmp_path / "review.html").is_file()
-    assert review.weakest_line
+    assert review.best[0]
     with pytest.raises(strainfmu.InputError, match=r"expected --budget"):
         builder.place(OGIVE, costs={"axial": 1.0})
 

@@ -21,7 +21,7 @@ from builder.manifold.state_tables import grid_errors
 from builder.manifold.tables import ring_response, spline_coefficients, spline_rows
 from builder.structure.fourier.fourier_model import StructuralModel
 from builder.vehicle.file import Vehicle
-from builder.vehicle.map.model_form import model_form, without_model_form
+from builder.vehicle.map.model_form import SIZES, model_form
 from builder.vehicle.map.options import HARDWARE_ERRORS, MapEntry, Noise
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimator import Estimator
@@ -54,7 +54,7 @@ def test_the_flows_own_grid_and_interpolation_are_the_numerical_error(
     vehicle: Vehicle, structure: StructuralModel, snapshots: Snapshots, problem: Problem, inverse_map: InverseMap
 ) -> None:
     """Without a model-form error these are all that is left of the pressure off the tables."""
-    alone = vehicle.model_copy(update={"map": without_model_form(with_entry(vehicle).map)})
+    alone = vehicle.model_copy(update={"map": with_entry(vehicle, **dict.fromkeys(SIZES, 0.0)).map})
     found = with_manifold(inverse_map, alone, snapshots, structure, problem=problem)
     names = [one["name"] for one in found.provenance["table_error_terms"]]
     assert [name for name in names if name != FLOW_MODELS] == [
@@ -120,7 +120,7 @@ def test_sizes_of_the_model_form_error() -> None:
     assert (half.of_prior, half.of_overpressure, half.process_at(100.0)) == pytest.approx((0.04, 0.05, 0.01))
     none = model_form(MapEntry(discrepancy_percent=0.5), paper)
     assert (none.of_prior, none.of_overpressure, none.of_leeward, none.process_at(9.0)) == (0.0, 0.0, 0.0, 0.005)
-    nothing = model_form(without_model_form(MapEntry(discrepancy_percent=0.5)), default)
+    nothing = model_form(MapEntry(**dict.fromkeys(SIZES, 0.0)), default)
     assert (nothing.of_prior, nothing.of_overpressure, nothing.process_at(9.0)) == (0.0, 0.0, 0.0)
 
 

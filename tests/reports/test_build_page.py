@@ -155,17 +155,26 @@ def test_modes_that_went_are_named_as_in_the_build(report: BuildReport, html: st
 
 
 def test_tables_say_what_the_map_says(reported: ReportCase, report: BuildReport) -> None:
-    """Sigma, 3 sigma and range of each coefficient; fractions add up to 100 %; every gauge has its row."""
+    """Sigma and range of each coefficient, by source and by group; fractions add up to 100 %; all gauges."""
     tables, one = report_tables(report), reported.inverse_map
     area, length, q = one.reference_area, one.reference_length, one.nominal_dynamic_pressure
     std = np.sqrt(np.diag(load_covariance(one))) / (q * area * np.array([1, 1, 1, length, length]))
     for i, row in enumerate(tables["coefficients"].rows):
         low, high = one.coefficient_range[i]
         assert row[0] == COEFFICIENT_NAMES[i]
-        assert row[1:6] == pytest.approx((std[i], 3.0 * std[i], low, high, 100.0 * std[i] / (high - low)))
-        assert row[7] == pytest.approx(np.sqrt(load_covariance(one)[i, i]))
-    sources = np.array([row[1:] for row in tables["sources"].rows], dtype=float)
+        assert row[1:5] == pytest.approx((std[i], low, high, 100.0 * std[i] / (high - low)))
+        assert row[8] == pytest.approx(np.sqrt(load_covariance(one)[i, i]))
+        largest = max(tables["sources"].rows, key=lambda source, column=3 + i: source[column])
+        assert row[5:7] == (largest[0], pytest.approx(largest[3 + i]))
+    sources = np.array([row[3:] for row in tables["sources"].rows], dtype=float)
     np.testing.assert_allclose(sources.sum(axis=0), 100.0, rtol=1e-9)
+    *groups, total = (np.array(row[1:], dtype=float) for row in tables["source_groups"].rows)
+    np.testing.assert_allclose(total, std)
+    for (name, *_), sigma in zip(tables["source_groups"].rows, groups, strict=False):
+        fractions = sources[[row[1] == name for row in tables["sources"].rows]].sum(axis=0)
+        np.testing.assert_allclose(sigma, std * np.sqrt(0.01 * fractions))
+    entries = {row[0]: row[2] for row in tables["sources"].rows}
+    assert entries["gauge noise"] == "noise.std_um_per_m"
     noise = np.array([row[1] for row in tables["noise"].rows], dtype=float)
     assert noise.sum() == pytest.approx(100.0, rel=1e-9)
     assert [row[0] for row in tables["gauges"].rows] == list(one.gauge_names)
@@ -257,15 +266,15 @@ def test_nuisance_terms_are_causes(parts: Parts) -> None:
     thermal = (nuisance_modes("thermal strain", np.ones((n, 1)), np.array([5e-6])),)
     warm = build_inverse_map(case.vehicle, case.snapshots, case.structure, thermal)
     report = build_report(case.vehicle, case.snapshots, case.structure, warm, thermal)
-    assert "thermal strain" in report.coefficients.names
+    found = report.in_use.coefficients
+    assert "thermal strain" in found.names
     terms = report.inverse_map.provenance["noise_terms"]
     assert [term["name"] for term in terms] == [
         "gauge noise",
         "thermal strain",
         "truncated modes",
     ]
-    sums = report.coefficients.variance.sum(axis=0)
-    np.testing.assert_allclose(sums, report.coefficients.std**2, rtol=1e-9)
+    np.testing.assert_allclose(found.variance.sum(axis=0), found.std**2, rtol=1e-9)
 
 
 def test_a_zero_has_no_sign() -> None:

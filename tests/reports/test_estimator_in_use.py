@@ -20,12 +20,19 @@ from scipy.stats import norm
 from sensor_maps import with_sensors
 from thermal_maps import with_temperature
 
+from builder.inverse.noise.model import gauge_noise
 from builder.reports.build_report.build_findings import BuildReport
 from builder.reports.build_report.build_page import report_page, write_numbers
 from builder.reports.build_report.build_tables import report_tables
 from builder.reports.build_report.first_screen import first_screen
 from builder.reports.findings.envelope_states import ALL, FEW, envelope, estimated_at, strain_at
-from builder.reports.findings.estimator_in_use import HARDWARE, InUse, estimator_in_use, source_variances
+from builder.reports.findings.estimator_in_use import (
+    OF_GAUGES,
+    InUse,
+    NamedErrors,
+    estimator_in_use,
+    source_variances,
+)
 from builder.reports.findings.flight_accuracy import flight_accuracy
 from builder.reports.findings.gauge_value import gauge_value
 from builder.reports.page.html import page_html
@@ -47,6 +54,20 @@ def nonlinear_map() -> InverseMap:
     return replace(scaled_map(2, 1, N_D), manifold=replace(manifold, common_error=common, gauge_error_product=own))
 
 
+def errors_of(inverse_map: InverseMap) -> NamedErrors:
+    """All errors of a kind under one name."""
+    manifold = inverse_map.manifold
+    assert manifold is not None
+    columns = np.hstack([np.vstack([manifold.error_strain, manifold.error_load]), manifold.considered_columns])
+    common = np.concatenate([manifold.common_error, manifold.considered_common])
+    return NamedErrors(
+        fixed=[gauge_noise(manifold.gauge_covariance)],
+        off_tables={"pressure off the tables": columns},
+        of_gauges={},
+        common={"wall thickness": common},
+    )
+
+
 LINEAR: Any = None
 """What judges the linear map, of no concern to the other."""
 
@@ -54,7 +75,7 @@ LINEAR: Any = None
 @pytest.fixture(scope="module")
 def in_use(nonlinear_map: InverseMap) -> InUse:
     nothing: Any = None
-    return estimator_in_use(nonlinear_map, LINEAR, nothing, np.ones(1))
+    return estimator_in_use(nonlinear_map, LINEAR, nothing, np.ones(1), errors_of(nonlinear_map))
 
 
 @pytest.mark.fast
@@ -72,13 +93,13 @@ def test_the_sources_add_up_to_the_stated_variance(
     inverse_map = made(nonlinear_map)
     state = envelope(inverse_map.manifold, 3, 3).flown
     found = estimated_at(Estimator(inverse_map), state, ALL)
-    parts, covariance = source_variances(inverse_map, state)
+    parts, covariance = source_variances(inverse_map, errors_of(inverse_map), state)
     variance = np.diagonal(covariance, axis1=1, axis2=2)
     np.testing.assert_allclose(sum(parts.values()), variance, rtol=1e-9)
     np.testing.assert_allclose(variance, found.coefficients_std**2, rtol=5e-3)
     assert not found.is_linear.any()
     assert all(np.max(part / found.coefficients_std**2) > 1e-6 for part in parts.values())
-    assert set(HARDWARE) < set(parts)
+    assert {"gauge noise", "gauge gain", "common gain", "wall thickness", OF_GAUGES} < set(parts)
 
 
 @pytest.mark.fast
@@ -87,8 +108,8 @@ def test_a_source_is_what_its_errors_do(nonlinear_map: InverseMap) -> None:
     small = replace(nonlinear_map.manifold, common_gain_std=1e-5)
     maps = [replace(nonlinear_map, manifold=replace(small, common_gain_std=std)) for std in (1e-5, 2e-5)]
     state = envelope(small, 2, 2).flown
-    (parts, found), (_, other) = (source_variances(one, state) for one in maps)
-    part = parts["gain of all gauges"]
+    (parts, found), (_, other) = (source_variances(one, errors_of(one), state) for one in maps)
+    part = parts["common gain"]
     change = np.diagonal(other - found, axis1=1, axis2=2)
     assert np.max(part) > 0.0
     np.testing.assert_allclose(change, 3.0 * part, rtol=1e-3, atol=1e-9 * np.max(found))
@@ -153,7 +174,7 @@ def test_pressure_is_judged_where_the_map_holds_it() -> None:
     found = estimated_at(Estimator(one), envelope(one.manifold, *FEW).flown, ALL)
     scale = one.nominal_dynamic_pressure / found.air_data.value[:, -1]
     left = np.mean([(scale[k] * found[k].pressure().std) ** 2 for k in range(len(scale))]) / 1000.0**2
-    removed = estimator_in_use(one, LINEAR, observed, np.ones(n_p)).pressure_removed
+    removed = estimator_in_use(one, LINEAR, observed, np.ones(n_p), errors_of(one)).pressure_removed
     assert removed == pytest.approx(1.0 - left)
     assert 0.0 < left < 0.1
 
@@ -161,10 +182,9 @@ def test_pressure_is_judged_where_the_map_holds_it() -> None:
 def test_the_linear_estimator_of_any_other_map(report: BuildReport) -> None:
     used = report.in_use
     assert not used.is_nonlinear
-    assert used.coefficients is report.coefficients
     assert used.node_removed is report.observability.node_removed
     assert used.pressure_removed == report.observability.removed
-    assert "nonlinear_coefficients" not in report_tables(report)
+    assert "largest sigma" not in [column.heading for column in report_tables(report)["coefficients"].columns]
 
 
 @pytest.mark.usefixtures("undrawn")
@@ -174,7 +194,8 @@ def test_page_and_numbers_state_the_nonlinear_sigma(
     """In the first screen; sentences, figures and tables of the linear map alone are left out."""
     if report.gamma is None:
         pytest.skip("the first screen is made alike for both cases, and takes seconds to make")
-    range_of = replace(in_use.coefficients, range=report.coefficients.range)
+    limits = report.in_use.coefficients.range
+    range_of = replace(in_use.coefficients, range=limits)
     growth = np.ones((report.inverse_map.n_gauges, 5))
     growth[3, 1] = 1.25
     used = replace(in_use, coefficients=range_of)
@@ -183,7 +204,7 @@ def test_page_and_numbers_state_the_nonlinear_sigma(
     )
     screen = first_screen(judged)
     lines = [line for group in screen.as_json().values() for line in group]
-    width = np.ptp(report.coefficients.range, axis=1)
+    width = np.ptp(limits, axis=1)
     stated = next(line for line in lines if line.startswith("C_A,"))
     assert f"sigma {used.coefficients.std[0]:.2g} rms, {used.largest_std[0]:.2g} at most" in stated
     percent = re.search(r"([\d.]+) % of the range", stated)
@@ -198,13 +219,14 @@ def test_page_and_numbers_state_the_nonlinear_sigma(
     page = assert_self_contained(page_html(report_page(judged)))
     assert "3 sigma over the range of the snapshots" in page.text  # the figure of the sources
     assert "The first POD modes" not in page.text
-    assert not {"table-sources", "table-modes", "table-eigenvalues", "table-correlations"} & set(page.tables)
+    assert not {"table-modes", "table-eigenvalues"} & set(page.tables)
+    assert not any("removed" in heading for heading in page.tables["table-classes"][0])
     assert "estimator: nonlinear, and the linear map (Case" in page.text
     assert largest in page.text
     write_numbers(judged, tmp_path)
     content = json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))
     assert content["estimator"] == "nonlinear"
-    rows = content["tables"]["nonlinear_coefficients"]["rows"]
+    rows = content["tables"]["coefficients"]["rows"]
     assert [row[1] for row in rows] == pytest.approx(used.coefficients.std.tolist())
-    fractions = np.array([row[1:] for row in content["tables"]["nonlinear_sources"]["rows"]])
+    fractions = np.array([row[3:] for row in content["tables"]["sources"]["rows"]])
     np.testing.assert_allclose(fractions.sum(axis=0), 100.0)

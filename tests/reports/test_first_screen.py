@@ -14,7 +14,6 @@ from clipping import set_width, show
 
 from builder.reports.build_report.build_findings import BuildReport
 from builder.reports.build_report.build_page import write_numbers
-from builder.reports.build_report.build_tables import report_tables
 from builder.reports.build_report.first_screen import UNMEASURED, WELL, first_screen
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 
@@ -35,7 +34,7 @@ def with_range(report: BuildReport, index: int, width_over_sigma: float) -> Buil
 def test_each_coefficient_stands_where_its_sigma_puts_it(report: BuildReport) -> None:
     """Once, by sigma over its range: well up to 5 %, not at all from 29 %, where the range alone tells as much."""
     screen = first_screen(report)
-    for name, fraction in zip(COEFFICIENT_NAMES, report.coefficients.std_of_range, strict=True):
+    for name, fraction in zip(COEFFICIENT_NAMES, report.in_use.coefficients.std_of_range, strict=True):
         expected = (
             screen.well if fraction <= WELL else screen.badly if fraction < UNMEASURED else screen.unmeasured
         )
@@ -44,6 +43,7 @@ def test_each_coefficient_stands_where_its_sigma_puts_it(report: BuildReport) ->
         stated = re.search(r"([\d.]+) % of the range", line)
         assert stated is not None
         assert float(stated[1]) == pytest.approx(100.0 * fraction, rel=0.05)
+        assert re.search(r"; [\d.]+ % of its variance is from [a-z ,]+( \((noise|map)\.\w+\))?\.$", line)
         assert (
             sum(
                 f"\n{name}," in "\n" + "\n".join(lines) for lines in (screen.well, screen.badly, screen.unmeasured)
@@ -95,19 +95,12 @@ def test_a_mode_that_is_hardly_removed_is_measured_badly(report: BuildReport) ->
 
 
 def test_sigma_without_sources(report: BuildReport) -> None:
-    """Without one source it is the root of the sum of the others, as in the table."""
-    found = report.coefficients
+    """Without one source it is the root of the sum of the others."""
+    found = report.in_use.coefficients
     for k, name in enumerate(found.names):
         others = np.delete(found.variance, k, axis=0).sum(axis=0)
         scale = found.std.max()
         np.testing.assert_allclose(found.std_without([name]), np.sqrt(others), rtol=1e-6, atol=1e-6 * scale)
-        row = report_tables(report)["sigmas_without"].rows[k]
-        assert row[0] == name
-        np.testing.assert_allclose(row[1:], found.std_without([name]))
-    last = report_tables(report)["sigmas_without"].rows[-1]
-    assert (last[0] == "all installation errors") == bool(found.hardware)
-    if found.hardware:
-        np.testing.assert_allclose(last[1:], found.std_without(found.hardware))
     assert found.std_without(found.names) == pytest.approx(0.0, abs=1e-6 * found.std.max())
     np.testing.assert_allclose(found.std_without([]), found.std)
 
@@ -115,7 +108,7 @@ def test_sigma_without_sources(report: BuildReport) -> None:
 def test_what_helps_is_computed(report: BuildReport) -> None:
     """The largest source of the worst coefficient and what it leaves; the gauge whose loss costs most."""
     helps = first_screen(report).helps
-    found, of_range = report.coefficients, report.coefficients.std_of_range
+    found, of_range = report.in_use.coefficients, report.in_use.coefficients.std_of_range
     worst = int(np.argmax(of_range))
     source = int(np.argmax(found.variance[:, worst]))
     rest = np.delete(found.variance[:, worst], source).sum()
@@ -138,11 +131,11 @@ def test_page_and_numbers_hold_the_same_sentences(report: BuildReport, html: str
     opening = html[: html.index("<nav")].replace("&#x27;", "'")
     for lines in summary.values():
         assert all(line in opening for line in lines)
-    assert all(name in opening for name in report.coefficients.names)
-    hardware = re.search(r"(\d+) of these are installation errors. Without them .* C_N ([\d.]+) %", opening)
-    assert (hardware is not None) == bool(report.coefficients.hardware)
+    found = report.in_use.coefficients
+    assert all(name in opening for name in found.groups)
+    hardware = re.search(r"(\d+) of the sources are installation errors. Without them .* C_N ([\d.]+) %", opening)
+    assert (hardware is not None) == bool(found.hardware)
     if hardware:
-        found = report.coefficients
         assert int(hardware[1]) == len(found.hardware)
         without = found.std_without(found.hardware)[1] / (found.range[1, 1] - found.range[1, 0])
         assert float(hardware[2]) == pytest.approx(100.0 * without, rel=0.01)

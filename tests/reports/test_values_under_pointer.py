@@ -64,16 +64,16 @@ def test_texts_hold_the_numbers_of_the_tables(report: BuildReport, page: Page) -
         assert text.startswith(f"number {number}\n{digits(value)} um/m per kPa rms\n")
     for text, row in zip(classes, tables["classes"].rows, strict=False):
         assert text.startswith(f"{row[0]}\n{digits(row[4])} % of the snapshots' variance\n")
-    sources = tables["sources"].rows
-    for k, row in enumerate(sources):
-        for i, percent in enumerate(row[1:]):
+    *groups, total = tables["source_groups"].rows
+    for k, row in enumerate(groups):
+        for i, alone in enumerate(row[1:]):
+            percent = 100.0 * (alone / total[1 + i]) ** 2
             assert coefficients[5 * k + i].splitlines()[1] == f"{digits(percent)} % of the variance"
-            alone = tables["source_sigmas"].rows[k][1 + i]
             assert coefficients[5 * k + i].endswith(f"sigma of it alone {digits(alone)}")
-    ranges = coefficients[5 * len(sources) : 5 * len(sources) + 5]
+    ranges = coefficients[5 * len(groups) : 5 * len(groups) + 5]
     for text, row in zip(ranges, tables["coefficients"].rows, strict=True):
-        assert text.startswith(f"{row[0]}: sigma {digits(row[1])}, 3 sigma {digits(row[2])}\n")
-        assert text.endswith(f"{digits(3.0 * row[5])} % of the range {digits(row[3])} to {digits(row[4])}")
+        assert text.startswith(f"{row[0]}: sigma {digits(row[1])}, 3 sigma {digits(3.0 * row[1])}\n")
+        assert text.endswith(f"{digits(3.0 * row[4])} % of the range {digits(row[2])} to {digits(row[3])}")
     assert f"C_N and M_P: {digits(tables['correlations'].rows[1][4])}" in coefficients
     for text, row in zip(of_gauges, tables["gauges"].rows, strict=True):
         assert text.startswith(f"{row[0]}, {row[3]}\nx {row[1]:.4g} m, roll {row[2]:.4g} deg\n")

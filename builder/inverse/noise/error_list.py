@@ -47,7 +47,19 @@ INTERPOLATION, GRID_REFINEMENT = "interpolation", "grid of the flow"
 OF_EACH_AFTER_TEST, IN_COMMON_AFTER_TEST = "ground test, of each gauge", "ground test, in common"
 """Names of what a ground test left unknown."""
 
+GAUGE_NOISE, INSTALLATION, MODEL_FORM, INERTIA_GROUP = "gauge noise", "installation", "model form", "inertia"
+TEMPERATURE_GROUP, NUMERICS_GROUP, OTHER_GROUP = "temperature", "numerics", "other"
+"""Groups of errors in reports."""
+
 _GAUGE, _ALL, _PRESSURE, _NUMERICS = "each gauge", "all gauges", "pressure on the surface", "numerics of the build"
+
+_GROUP_OF_PLACE = {_PRESSURE: MODEL_FORM, _NUMERICS: NUMERICS_GROUP}
+_GROUP_OF_SECTION = {
+    "recorder": GAUGE_NOISE,
+    "noise": INSTALLATION,
+    "mass": INERTIA_GROUP,
+    TEMPERATURE: TEMPERATURE_GROUP,
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,6 +83,15 @@ class MapError:
     entry: str = ""
     unit: str = ""
     size: str = ""
+
+    @property
+    def group(self) -> str:
+        """Group of the error in reports."""
+        if self.acts_on in _GROUP_OF_PLACE:
+            return _GROUP_OF_PLACE[self.acts_on]
+        if self.name == GAUGE_NOISE:
+            return GAUGE_NOISE
+        return _GROUP_OF_SECTION.get(self.entry.partition(".")[0], OTHER_GROUP)
 
     def stated_size(self, vehicle: Vehicle) -> float | None:
         """Return the standard deviation in the unit of the entry; None where no one number states it."""

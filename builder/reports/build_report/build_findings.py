@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,9 +12,8 @@ from builder.campaign.snapshots import Snapshots
 from builder.inverse.noise.model import NoiseTerm
 from builder.inverse.problem import AnyStructure, inverse_problem
 from builder.inverse.solution import Problem, Solution, solve, with_flow_models
-from builder.manifold.nonlinear_build import manifold_map
-from builder.reports.findings.coefficient_sources import CoefficientSources, coefficient_sources
-from builder.reports.findings.estimator_in_use import InUse, estimator_in_use
+from builder.reports.findings.coefficient_sources import coefficient_sources
+from builder.reports.findings.estimator_in_use import InUse, estimator_in_use, named_errors
 from builder.reports.findings.exclusions import exclusions
 from builder.reports.findings.flight_accuracy import FlightAccuracy, flight_accuracy
 from builder.reports.findings.gamma_choice import GammaChoice, gamma_choice
@@ -31,11 +30,11 @@ from builder.structure.observability import (
     symmetry_responses,
 )
 from builder.vehicle.file import Vehicle
-from builder.vehicle.map.model_form import model_form, model_form_percent, without_model_form
+from builder.vehicle.map.model_form import model_form_percent
+from builder.vehicle.map.options import OWN_NOISE
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.map.nonlinear_map import ManifoldMap
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -53,13 +52,13 @@ class BuildReport:
     symmetries : response of the gauges to each class of smooth pressures.
     observability : what they observe of the snapshots.
     in_use : the estimator that the map is used with: the nonlinear one of a map with tables.
-    coefficients : uncertainty of each by the linear map, by source.
     gauges : value of each to the estimator in use.
     gamma : choice of gamma, in Case 2.
     flight : uncertainty of the nonlinear estimator over the envelope; None for a map without tables.
     origin : version, date and files.
     excluded : errors that no number here includes.
     model_form_percent : entry of the vehicle file [%].
+    noise_entry : entry of the section [noise] that states the gauges' own noise.
     """
 
     vehicle: str
@@ -75,13 +74,13 @@ class BuildReport:
     symmetries: tuple[SymmetryResponse, ...]
     observability: PriorObservability
     in_use: InUse
-    coefficients: CoefficientSources
     gauges: GaugeValue
     gamma: GammaChoice | None
     flight: FlightAccuracy | None
     origin: Origin
     excluded: tuple[str, ...]
     model_form_percent: float
+    noise_entry: str
 
     @property
     def blind_classes(self) -> tuple[int, ...]:
@@ -118,9 +117,9 @@ def build_report(
     observed = prior_observability(problem, solution, structure.surface)
     sources = coefficient_sources(inverse_map, problem, solution)
     response = _response(problem.strain_operator, surface, None if grid is None else grid.n_roll)
-    numerical = None
+    errors = None
     if inverse_map.manifold is not None:
-        numerical = _tables_without_model_form(vehicle, snapshots, structure, problem, nuisance)
+        errors = named_errors(vehicle, snapshots, structure, problem, nuisance)
     return BuildReport(
         vehicle=vehicle.name,
         layout=vehicle.gauges.layout,
@@ -134,30 +133,15 @@ def build_report(
         smooth_harmonics=int(response.harmonic.max()),
         symmetries=tuple(symmetry_responses(response)),
         observability=observed,
-        in_use=estimator_in_use(inverse_map, sources, observed, surface.node_area, numerical),
+        in_use=estimator_in_use(inverse_map, sources, observed, surface.node_area, errors),
         model_form_percent=model_form_percent(vehicle.map, vehicle.noise),
-        coefficients=sources,
+        noise_entry=next(name for name in OWN_NOISE if getattr(vehicle.noise, name) is not None),
         gauges=gauge_value(inverse_map),
         gamma=gamma_choice(inverse_map, problem, solution, structure.surface),
         flight=flight_accuracy(inverse_map),
         origin=origin_of(files),
         excluded=exclusions(vehicle, snapshots.engine),
     )
-
-
-def _tables_without_model_form(
-    vehicle: Vehicle,
-    snapshots: Snapshots,
-    structure: AnyStructure,
-    problem: Problem,
-    nuisance: Sequence[NoiseTerm],
-) -> ManifoldMap | None:
-    """Return the tables of the map without model-form error, None where the vehicle file has none."""
-    entry = without_model_form(vehicle.map)
-    if model_form(entry, vehicle.noise) == model_form(vehicle.map, vehicle.noise):
-        return None
-    changed = vehicle.model_copy(update={"map": entry.model_copy(update={"keep_field": False})})
-    return manifold_map(changed, snapshots, structure, replace(problem, leeward=None), nuisance)[0]
 
 
 def _same(solution: Solution, inverse_map: InverseMap) -> bool:

@@ -7,10 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
+from builder.placement.review import Review
 from builder.reports.build_report import build_sections as sections
 from builder.reports.build_report.build_findings import BuildReport
 from builder.reports.build_report.build_tables import first_rows, report_tables
 from builder.reports.build_report.first_screen import WELL, first_screen
+from builder.reports.build_report.layout_section import layout_section
 from builder.reports.findings.coefficient_sources import CoefficientSources
 from builder.reports.page.html import Block, Cards, Files, Items, Page, Paragraph, Section, write_page
 from builder.reports.page.page_tables import Table, percent, tables_json, write_csv
@@ -23,7 +25,7 @@ PAGE_NAME = "report.html"
 ROWS_ON_PAGE = 200
 """Rows of a table that the page holds, folded; the files hold all of them."""
 
-SCHEMA_VERSION = 4
+SCHEMA_VERSION = 5
 """Version of report.json; raised when names or meanings change."""
 
 
@@ -69,8 +71,8 @@ def write_report_page(report: BuildReport, path: Path) -> None:
     write_page(report_page(report), path)
 
 
-def report_page(report: BuildReport) -> Page:
-    """Return the page."""
+def report_page(report: BuildReport, review: Review | None = None) -> Page:
+    """Return the page; with the ``review`` of a layout, which has no files of numbers, the section on it."""
     tables = {name: first_rows(table, ROWS_ON_PAGE) for name, table in report_tables(report).items()}
     of_page = (
         sections.observability(report, tables),
@@ -80,13 +82,14 @@ def report_page(report: BuildReport) -> Page:
         sections.uncertainty(report, tables),
         sections.gauge_values(report, tables),
         sections.losses(report, tables),
+        *(() if review is None else (layout_section(review),)),
         *((sections.gamma_choice(report, tables),) if report.gamma and not report.in_use.is_nonlinear else ()),
         sections.aerodynamics(report),
         Section("Noise terms", (tables["noise"],)),
         Section("Validity range", (tables["validity"], Paragraph(STRAINS_OF_GAUGES))),
         Section(NOT_INCLUDED, (Items(report.excluded),)),
         *((Section("Made from", (tables["made_from"],)),) if "made_from" in tables else ()),
-        Section("Numbers", (Files(_files(tables)),)),
+        *((Section("Numbers", (Files(_files(tables)),)),) if review is None else ()),
     )
     return Page(f"{report.vehicle}: what its gauges can observe", _opening(report), of_page)
 
@@ -118,8 +121,9 @@ def _opening(report: BuildReport) -> tuple[Block, ...]:
         ),
         Paragraph(
             f"Each sigma is {'of the nonlinear estimator, ' if used.is_nonlinear else ''}{used.where}. It "
-            f"includes {'; '.join(used.coefficients.names)}. It does not include the "
-            f'{len(report.excluded)} errors listed under "{NOT_INCLUDED}". The range is taken over the snapshots.'
+            f"includes {len(used.coefficients.names)} sources: {', '.join(used.coefficients.group_variance)}. "
+            f"It does not include the {len(report.excluded)} errors listed under "
+            f'"{NOT_INCLUDED}". The range is taken over the snapshots.'
         ),
         *_without_hardware(used.coefficients),
         *([] if (line := sections.model_form_line(report)) is None else [Paragraph(line)]),
@@ -145,8 +149,8 @@ def _without_hardware(sources: CoefficientSources) -> list[Block]:
         for name, fraction in zip(COEFFICIENT_NAMES, sources.std_of_range * ratio, strict=True)
         if np.isfinite(fraction)
     ]
-    text = f"{len(sources.hardware)} of these are installation errors. Without them sigma over the range would be "
-    return [Paragraph(f"{text}{', '.join(parts)}.")]
+    text = f"{len(sources.hardware)} of the sources are installation errors."
+    return [Paragraph(f"{text} Without them sigma over the range would be {', '.join(parts)}.")]
 
 
 def _files(tables: dict[str, Table]) -> tuple[tuple[str, str], ...]:

@@ -29,8 +29,10 @@ AIR_DATA_SHOWN = (
     (DYNAMIC_PRESSURE, "q_inf [kPa]", 1e-3),
 )
 """Air data of the maps over the envelope: name, label, factor to its unit."""
-OF_LINEAR = (COEFFICIENT_ARRAY, "sources", "source_sigmas", "sigmas_without", "correlations")
-"""Tables on the loads of the linear map, on the page where that is the estimator in use."""
+REMOVED = (
+    "Variance removed: of the snapshots' pressure, by the linear map. At best: by the best linear map of the same "
+    "gauges and noise."
+)
 
 
 def blind_line(report: BuildReport) -> str:
@@ -48,13 +50,13 @@ def blind_line(report: BuildReport) -> str:
 def model_form_line(report: BuildReport) -> str | None:
     """Return one sentence on sigma with and without the model-form error; None for a map that expects none."""
     used = report.in_use
-    if used.std_without_model_form is None:
+    if not used.is_nonlinear or used.std_without_model_form is None:
         return None
     pairs = zip(COEFFICIENT_NAMES, used.coefficients.std, used.std_without_model_form, strict=True)
     text = ", ".join(f"{name} {total:.2g} ({alone:.2g})" for name, total, alone in pairs)
     return (
         f"Rms sigma with the model-form error (viscosity, real gas, leeward flow; map.model_form_percent "
-        f"{report.model_form_percent:g}), in brackets with numerical error alone: {text}."
+        f"{report.model_form_percent:g}), in brackets without it: {text}."
     )
 
 
@@ -79,8 +81,8 @@ def observability(report: BuildReport, tables: dict[str, Table]) -> Section:
         (
             Paragraph(
                 "Pressure is split by its symmetry about the planes y = 0 and z = 0. Response: strain over all "
-                "gauges per rms pressure, for smooth pressures. Variance removed: of the snapshots' pressure, by "
-                "the linear map. At best: by the best linear map of the same gauges and noise."
+                "gauges per rms pressure, for smooth pressures."
+                + ("" if report.in_use.is_nonlinear else f" {REMOVED}")
             ),
             tables["classes"],
             picture(
@@ -166,7 +168,7 @@ def blindness_text(report: BuildReport) -> list[Paragraph]:
 def blindness(report: BuildReport) -> Section:
     blocks: list[Block] = [*blindness_text(report)]
     observed = report.observability
-    if np.isfinite(observed.class_fraction).all():
+    if np.isfinite(observed.class_fraction).all() and not report.in_use.is_nonlinear:
         blocks.append(
             picture(
                 observability_figures.classes(
@@ -181,7 +183,7 @@ def blindness(report: BuildReport) -> Section:
                 "svg",
             )
         )
-    else:
+    elif not np.isfinite(observed.class_fraction).all():
         blocks.append(
             Paragraph("The surface is not symmetric about y = 0 and z = 0: fractions per class are not given.")
         )
@@ -211,15 +213,16 @@ def aerodynamics(report: BuildReport) -> Section:
 
 def uncertainty(report: BuildReport, tables: dict[str, Table]) -> Section:
     used = report.in_use.coefficients
-    of_nonlinear = [tables[name] for name in ("nonlinear_coefficients", "nonlinear_sources") if name in tables]
+    groups = used.group_variance
     return Section(
         "Uncertainty of each coefficient",
         (
-            *of_nonlinear,
+            tables[COEFFICIENT_ARRAY],
+            tables["source_groups"],
             picture(
                 uncertainty_figures.coefficients(
-                    sources=used.names,
-                    of_variance=used.variance / used.std**2,
+                    sources=tuple(groups),
+                    of_variance=np.stack(list(groups.values())) / used.std**2,
                     std=used.std,
                     limits=used.range,
                     std_of_range=used.std_of_range,
@@ -229,7 +232,8 @@ def uncertainty(report: BuildReport, tables: dict[str, Table]) -> Section:
                 "Bars of the sources of each coefficient's variance and of 3 sigma over its range; correlations.",
                 "svg",
             ),
-            *([] if report.in_use.is_nonlinear else [tables[name] for name in OF_LINEAR]),
+            tables["sources"],
+            tables["correlations"],
         ),
     )
 

@@ -4,25 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from math import degrees
 from operator import itemgetter
+from typing import Any
 
 import numpy as np
 
+from builder.inverse.noise.error_list import GAUGE_NOISE, error_named
 from builder.reports.build_report.build_findings import BuildReport
-from builder.reports.build_report.gauge_tables import gauges, sensors_table
-from builder.reports.findings.coefficient_sources import CoefficientSources, coefficient_scales
+from builder.reports.findings.coefficient_sources import AIR_DATA, CoefficientSources, coefficient_scales
 from builder.reports.findings.flight_accuracy import flight_accuracy_table
 from builder.reports.page.page_tables import SCALES, Column, Table, by_name, make_table, records_table
-from builder.structure.observability import SYMMETRIES
+from builder.structure.observability import SYMMETRIES, direction_names
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, LOAD_NAMES, LOAD_UNITS
+from strainfmu.estimator.map.sensors import shown_units
 from strainfmu.estimator.map.validity import valid_ranges
 from strainfmu.estimator.signal_names import COEFFICIENT_ARRAY
 
 MICRO = SCALES["um/m"]
 MICROSTRAIN_PER_KPA = 1e9
 MAX_PAIRS = 200
-ALL_HARDWARE = "all installation errors"
 
 
 def report_tables(report: BuildReport) -> dict[str, Table]:
@@ -33,12 +35,10 @@ def report_tables(report: BuildReport) -> dict[str, Table]:
         modes(report),
         singular_values(report),
         *estimator_choice(report),
-        *((nonlinear_coefficients(report), nonlinear_sources(report)) if report.in_use.is_nonlinear else ()),
         coefficients(report),
-        correlations(report),
+        groups_of_sources(report),
         sources(report),
-        source_sigmas(report),
-        sigmas_without(report),
+        correlations(report),
         noise(report),
         gauges(report),
         *((sensors_table(report),) if report.inverse_map.has_auxiliary_sensors else ()),
@@ -73,6 +73,11 @@ def validity(report: BuildReport) -> Table:
 def classes(report: BuildReport) -> Table:
     """One row per class of symmetry, and one of all pressure."""
     observed = report.observability
+
+    def of_linear(*cells: Any) -> tuple[Any, ...]:
+        """Return what only the linear estimator has."""
+        return () if report.in_use.is_nonlinear else cells
+
     rows: list[tuple[object, ...]] = [
         (
             str(symmetry.symmetry),
@@ -82,15 +87,14 @@ def classes(report: BuildReport) -> Table:
             100.0 * observed.class_fraction[i],
             100.0 * observed.class_fraction_of_kept[i],
             MICRO * observed.class_strain[i],
-            100.0 * observed.class_removed[i],
-            100.0 * observed.class_removed_at_best[i],
+            *of_linear(100.0 * observed.class_removed[i], 100.0 * observed.class_removed_at_best[i]),
         )
         for i, symmetry in enumerate(report.symmetries)
     ]
     all_strain = MICRO * float(np.sqrt(np.sum(observed.mode_strain**2)))
     removed = 100.0 * observed.removed, 100.0 * observed.removed_at_best
     norm = MICROSTRAIN_PER_KPA * float(report.singular_values[0])
-    rows.append(("all pressure", "", norm, "", 100.0, 100.0, all_strain, *removed))
+    rows.append(("all pressure", "", norm, "", 100.0, 100.0, all_strain, *of_linear(*removed)))
     columns = (
         Column("pressure"),
         Column("gauges"),
@@ -99,8 +103,7 @@ def classes(report: BuildReport) -> Table:
         Column("of the snapshots' variance", "%", ".1f"),
         Column("of the kept modes' variance", "%", ".1f"),
         Column("rms strain", "um/m", ".3g"),
-        Column("variance removed by this map", "%", ".1f"),
-        Column("at best", "%", ".1f"),
+        *of_linear(Column("variance removed by this map", "%", ".1f"), Column("at best", "%", ".1f")),
     )
     return make_table("classes", "Pressure by symmetry, and what the gauges observe of it.", columns, rows)
 
@@ -155,61 +158,92 @@ def singular_values(report: BuildReport) -> Table:
 
 
 def coefficients(report: BuildReport) -> Table:
-    accuracy, scale = report.coefficients, coefficient_scales(report.inverse_map)
-    rows = [
-        (
-            name,
-            accuracy.std[i],
-            3.0 * accuracy.std[i],
-            *accuracy.range[i],
-            100.0 * accuracy.std_of_range[i],
-            LOAD_NAMES[i].replace("_", " "),
-            accuracy.std[i] / scale[i],
-            LOAD_UNITS[i],
+    """One row per coefficient, with the source that dominates its variance."""
+    used = report.in_use
+    accuracy, scale = used.coefficients, coefficient_scales(report.inverse_map)
+    alone = used.std_without_model_form
+    rows = []
+    for i, name in enumerate(COEFFICIENT_NAMES):
+        source, fraction = largest_source(accuracy, i)
+        rows.append(
+            (
+                name,
+                accuracy.std[i],
+                *((used.largest_std[i],) if used.is_nonlinear else ()),
+                *accuracy.range[i],
+                100.0 * accuracy.std_of_range[i],
+                *(() if alone is None else (alone[i],)),
+                source,
+                100.0 * fraction,
+                LOAD_NAMES[i].replace("_", " "),
+                accuracy.std[i] / scale[i],
+                LOAD_UNITS[i],
+            )
         )
-        for i, name in enumerate(COEFFICIENT_NAMES)
-    ]
     columns = (
         Column("coefficient"),
-        Column("sigma", "1", ".3g"),
-        Column("3 sigma", "1", ".3g"),
+        Column("sigma, rms" if used.is_nonlinear else "sigma", "1", ".3g"),
+        *((Column("largest sigma", "1", ".3g"),) if used.is_nonlinear else ()),
         Column("minimum of the snapshots", "1", ".4f"),
         Column("maximum", "1", ".4f"),
         Column("sigma over that range", "%", ".2f"),
+        *(() if alone is None else (Column("sigma without model form", "1", ".3g"),)),
+        Column("largest source"),
+        Column("of the variance", "%", ".0f"),
         Column("load"),
         Column("sigma of the load", "", ".3g"),
         Column("unit"),
     )
     pressure = 1e-3 * report.inverse_map.nominal_dynamic_pressure
-    caption = f"Coefficients{_of_what(report)} at a dynamic pressure of {pressure:.5g} kPa, and their loads."
+    caption = f"Coefficients by {used.name}, {used.where}, and their loads at q_inf = {pressure:.5g} kPa."
     return make_table(COEFFICIENT_ARRAY, caption, columns, rows)
 
 
+def largest_source(accuracy: CoefficientSources, coefficient: int) -> tuple[str, float]:
+    """Return the source that dominates the variance of a coefficient, and its fraction of it [1]."""
+    source = int(np.argmax(accuracy.variance[:, coefficient]))
+    return accuracy.names[source], float(accuracy.variance[source, coefficient] / accuracy.std[coefficient] ** 2)
+
+
 def correlations(report: BuildReport) -> Table:
-    caption = f"Correlation of the coefficients' errors{_of_what(report)}."
+    correlation = report.in_use.coefficients.correlation
+    caption = "Correlation of the coefficients' errors."
     return _by_coefficient(
-        "correlations",
-        caption,
-        "error of",
-        COEFFICIENT_NAMES,
-        report.coefficients.correlation,
-        Column("", "1", ".2f"),
+        "correlations", caption, "error of", COEFFICIENT_NAMES, correlation, Column("", "1", ".2f")
     )
 
 
+def groups_of_sources(report: BuildReport) -> Table:
+    """One row per group of sources with sigma by it alone, and one of all."""
+    accuracy = report.in_use.coefficients
+    groups = accuracy.group_variance
+    sigma = np.sqrt(np.vstack([*groups.values(), accuracy.std**2]))
+    caption = "Sigma of each coefficient by the errors of each group alone; squares add up."
+    like = Column("", "1", ".3g")
+    return _by_coefficient("source_groups", caption, "errors", (*groups, "all"), sigma, like)
+
+
 def sources(report: BuildReport) -> Table:
-    caption = f"Fraction of each source in the variance of each coefficient{_of_what(report)}."
-    return _sources("sources", caption, report.coefficients)
+    """One row per source, by group: the entry that states it, and its part of the variances."""
+    accuracy = report.in_use.coefficients
+    groups, fractions = tuple(accuracy.group_variance), 100.0 * accuracy.variance / accuracy.std**2
+    number = {name: k for k, name in enumerate(accuracy.names)}
+    rows = [
+        (name, group, entry_of(report, name), *fractions[number[name]])
+        for group in groups
+        for name in sorted(accuracy.of_group(group), key=lambda name: -fractions[number[name]].max())
+    ]
+    of_coefficients = (Column(name, "%", ".1f") for name in COEFFICIENT_NAMES)
+    columns = Column("source"), Column("group"), Column("entry"), *of_coefficients
+    caption = "Fraction of each source in the variance of each coefficient, and the entry that states its size."
+    return make_table("sources", caption, columns, rows)
 
 
-def _of_what(report: BuildReport) -> str:
-    """Return what a table judges where that is not the estimator in use."""
-    return " of the linear map" if report.in_use.is_nonlinear else ""
-
-
-def _sources(name: str, caption: str, accuracy: CoefficientSources) -> Table:
-    fractions = 100.0 * accuracy.variance / accuracy.std**2
-    return _by_coefficient(name, caption, "source", accuracy.names, fractions, Column("", "%", ".1f"))
+def entry_of(report: BuildReport, source: str) -> str:
+    """Return the entry of the vehicle file that states the size of a source; empty where the build finds it."""
+    if source == GAUGE_NOISE:
+        return f"noise.{report.noise_entry}"
+    return AIR_DATA.get(source) or error_named(source).entry
 
 
 def estimator_choice(report: BuildReport) -> tuple[Table, ...]:
@@ -222,61 +256,6 @@ def estimator_choice(report: BuildReport) -> tuple[Table, ...]:
     kinds = [Column(f"{kind} estimator", "1", ".3g") for kind in ("linear", "nonlinear")]
     caption = f"Rms error of both estimators, on {choice['flights']}."
     return (make_table("estimator_choice", caption, (Column("coefficient"), *kinds), rows),)
-
-
-def nonlinear_coefficients(report: BuildReport) -> Table:
-    """One row per coefficient, by the nonlinear estimator."""
-    used = report.in_use
-    accuracy, alone = used.coefficients, used.std_without_model_form
-    numerical = [()] * len(COEFFICIENT_NAMES) if alone is None else [(sigma,) for sigma in alone.tolist()]
-    rows = [
-        (
-            name,
-            accuracy.std[i],
-            used.largest_std[i],
-            *accuracy.range[i],
-            100.0 * accuracy.std_of_range[i],
-            *numerical[i],
-        )
-        for i, name in enumerate(COEFFICIENT_NAMES)
-    ]
-    columns = (
-        Column("coefficient"),
-        Column("sigma, rms", "1", ".3g"),
-        Column("largest sigma", "1", ".3g"),
-        Column("minimum of the snapshots", "1", ".4f"),
-        Column("maximum", "1", ".4f"),
-        Column("rms sigma over that range", "%", ".2f"),
-        *(() if alone is None else (Column("rms sigma without model form", "1", ".3g"),)),
-    )
-    caption = f"Coefficients by the nonlinear estimator, {used.where}."
-    return make_table("nonlinear_coefficients", caption, columns, rows)
-
-
-def nonlinear_sources(report: BuildReport) -> Table:
-    caption = "Fraction of each source in the variance of each coefficient, nonlinear estimator."
-    return _sources("nonlinear_sources", caption, report.in_use.coefficients)
-
-
-def source_sigmas(report: BuildReport) -> Table:
-    accuracy, caption = report.coefficients, f"Sigma of each coefficient{_of_what(report)} from each source alone."
-    sigma = np.vstack([np.sqrt(accuracy.variance), accuracy.std])
-    return _by_coefficient(
-        "source_sigmas", caption, "source", (*accuracy.names, "all"), sigma, Column("", "1", ".3g")
-    )
-
-
-def sigmas_without(report: BuildReport) -> Table:
-    """One row per source that is left out, and one without all hardware errors."""
-    accuracy, caption = (
-        report.coefficients,
-        f"Sigma of each coefficient{_of_what(report)} without some sources, same gain.",
-    )
-    left_out: dict[str, tuple[str, ...]] = {name: (name,) for name in accuracy.names}
-    if accuracy.hardware:
-        left_out[ALL_HARDWARE] = accuracy.hardware
-    sigma = np.array([accuracy.std_without(names) for names in left_out.values()])
-    return _by_coefficient("sigmas_without", caption, "without", tuple(left_out), sigma, Column("", "1", ".3g"))
 
 
 def _by_coefficient(
@@ -295,6 +274,79 @@ def noise(report: BuildReport) -> Table:
     )
     caption = "Strain that the states do not explain; fractions of the whitened variance."
     return records_table("noise", caption, report.inverse_map.provenance["noise_terms"], columns)
+
+
+def gauges(report: BuildReport) -> Table:
+    """Return the table of the strain gauges."""
+    gauge_rows = _rows_of_map(report, range(report.inverse_map.n_strain_gauges))
+    rows = [(name, *place, *values) for name, place, values in gauge_rows]
+    columns = (Column("gauge"), *_PLACE, *_value_columns("um/m", "maximum |strain|"))
+    return make_table(
+        "gauges", "Every gauge: position, cost of its loss, detectable and isolable bias.", columns, rows
+    )
+
+
+def sensors_table(report: BuildReport) -> Table:
+    """Return the table of the auxiliary sensors, each in its own unit."""
+    sensors = report.inverse_map.sensors
+    rows = range(sensors.n_strain_gauges, len(sensors.kind))
+    sensor_rows = _rows_of_map(report, rows)
+    kinds = zip(sensors.kind[rows.start :], sensors.unit[rows.start :], strict=True)
+    content = [(row[0], *two, *row[1], *row[2]) for row, two in zip(sensor_rows, kinds, strict=True)]
+    columns = (
+        Column("sensor"),
+        Column("kind"),
+        Column("unit"),
+        *_PLACE,
+        *_value_columns("", "maximum |reading|"),
+    )
+    caption = "Every auxiliary sensor in its unit: position, cost of its loss, detectable and isolable bias."
+    return make_table("sensors", caption, columns, content)
+
+
+_PLACE = (Column("x", "m"), Column("roll angle", "deg", ".4g"), Column("direction"))
+
+
+def _value_columns(unit: str, largest: str) -> tuple[Column, ...]:
+    """Return the columns of the values of :func:`_rows_of_map`; ``unit`` "" where each row states its own."""
+    return (
+        Column("noise sigma", unit, ".3g"),
+        Column(largest, unit, ".3g"),
+        Column("leverage", "1", ".3f"),
+        *(Column(f"lost: sigma of {name} grows", "%", ".1f") for name in COEFFICIENT_NAMES),
+        Column("detectable bias", unit, ".3g"),
+        Column("isolable bias", unit, ".3g"),
+        Column("effect of an undetected bias, maximum", "sigma", ".2f"),
+        Column("on"),
+    )
+
+
+def _rows_of_map(report: BuildReport, rows: range) -> list[tuple[str, tuple[Any, ...], tuple[Any, ...]]]:
+    """Return name, place and values of ``rows`` of the map, in the units that are shown."""
+    inverse_map, value = report.inverse_map, report.gauges
+    units = shown_units(inverse_map.sensors)
+    position = inverse_map.gauge_position
+    roll = [degrees(angle) % 360.0 for angle in np.arctan2(position[:, 1], position[:, 2])]
+    directions = direction_names(position, inverse_map.gauge_direction)
+    worst = np.argmax(value.undetected_effect, axis=1)
+    return [
+        (
+            inverse_map.gauge_names[i],
+            # A value just below 360 deg is 0.
+            (position[i, 0], roll[i] if roll[i] < 360.0 - 1e-9 else 0.0, directions[i]),
+            (
+                units[i][0] * inverse_map.noise_std[i],
+                units[i][0] * inverse_map.strain_range[i],
+                value.leverage[i],
+                *(100.0 * (value.growth[i] - 1.0)),
+                units[i][0] * value.detectable_bias[i],
+                units[i][0] * value.isolable_bias[i],
+                value.undetected_effect[i, worst[i]],
+                COEFFICIENT_NAMES[worst[i]],
+            ),
+        )
+        for i in rows
+    ]
 
 
 def worst_losses(report: BuildReport) -> Table:

@@ -12,6 +12,7 @@ from operator import itemgetter
 import numpy as np
 
 from builder.reports.build_report.build_findings import BuildReport
+from builder.reports.build_report.build_tables import entry_of, largest_source
 from builder.reports.page.page_tables import Column, percent, shown
 from builder.structure.observability import Symmetry
 from strainfmu.arrays import FloatArray
@@ -83,7 +84,14 @@ def _coefficient(report: BuildReport, index: int) -> str:
         return f"{name}: it is {_value(low)} in every snapshot, so that the map holds no variation of it."
     largest = f" rms, {used.largest_std[index]:.2g} at most" if used.is_nonlinear else ""
     of_what = f"{_percent(fraction)} of the range {_value(low)} to {_value(high)}"
-    return f"{name}: sigma {accuracy.std[index]:.2g}{largest}, {of_what}."
+    source, part = largest_source(accuracy, index)
+    dominates = f"{_percent(part)} of its variance is from {_with_entry(report, source)}"
+    return f"{name}: sigma {accuracy.std[index]:.2g}{largest}, {of_what}; {dominates}."
+
+
+def _with_entry(report: BuildReport, source: str) -> str:
+    entry = entry_of(report, source)
+    return f"{source} ({entry})" if entry else source
 
 
 def _pressure(removed: float) -> str:
@@ -164,10 +172,10 @@ def _largest_source(report: BuildReport) -> list[str]:
     if not finite.any():
         return []
     worst = int(np.argmax(np.where(finite, of_range, -1.0)))
-    source = int(np.argmax(accuracy.variance[:, worst]))
-    remaining = accuracy.std_without([accuracy.names[source]])[worst] / accuracy.std[worst]
+    source, _ = largest_source(accuracy, worst)
+    remaining = accuracy.std_without([source])[worst] / accuracy.std[worst]
     return [
-        f"The source to reduce first is {accuracy.names[source]}: without it the sigma of "
+        f"The source to reduce first is {_with_entry(report, source)}: without it the sigma of "
         f"{COEFFICIENT_NAMES[worst]} would be {_percent(of_range[worst] * remaining)} of the "
         f"range, not {_percent(of_range[worst])}."
     ]

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from builder.inverse.loads.covariance import load_error_factors
+from builder.inverse.noise.error_list import INSTALLATION, error_named
 from builder.inverse.solution import Problem, Solution
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.map.inverse_map import InverseMap
@@ -15,6 +17,20 @@ from strainfmu.estimator.other_loads import FIVE_LOADS
 from strainfmu.estimator.reference.gain import load_covariance, load_gain
 
 OF_STATES = "prior and gamma"
+TRUNCATED = "truncated modes"
+AIR_DATA = {
+    "Mach number": "noise.navigation_mach_number",
+    "static pressure": "noise.navigation_static_pressure_percent",
+    "dynamic pressure of navigation": "noise.dynamic_pressure_percent",
+}
+"""Sources that air data are, with their entries."""
+
+OF_RANGES = "ranges of the map"
+GROUPS = {
+    **dict.fromkeys((OF_STATES, OF_RANGES, TRUNCATED), "prior and truncation"),
+    **dict.fromkeys(AIR_DATA, "air data"),
+}
+"""Groups of sources that are no errors of :mod:`builder.inverse.noise.error_list`."""
 
 UNCHANGED = 1e-6
 """Fraction of sigma: a range below it is round-off, such as the range of C_Y without sideslip."""
@@ -31,7 +47,6 @@ class CoefficientSources:
     correlation : (5, 5) of the errors [1].
     names : n sources, independent of each other.
     variance : (n, 5) contribution of each source to the variance of each coefficient [1]; columns add up to std^2.
-    hardware : the names that are errors of the vehicle and its gauges as built.
     """
 
     std: FloatArray
@@ -39,7 +54,26 @@ class CoefficientSources:
     correlation: FloatArray
     names: tuple[str, ...]
     variance: FloatArray
-    hardware: tuple[str, ...]
+
+    @cached_property
+    def groups(self) -> tuple[str, ...]:
+        """Group of each source: gauge noise, installation, model form, inertia and so on."""
+        return tuple(GROUPS.get(name) or error_named(name).group for name in self.names)
+
+    def of_group(self, group: str) -> tuple[str, ...]:
+        """Return the sources of a group."""
+        return tuple(name for name, its in zip(self.names, self.groups, strict=True) if its == group)
+
+    @property
+    def group_variance(self) -> dict[str, FloatArray]:
+        """(5,) contribution of each group to the variances [1]."""
+        groups = np.array(self.groups)
+        return {name: self.variance[groups == name].sum(axis=0) for name in dict.fromkeys(self.groups)}
+
+    @property
+    def hardware(self) -> tuple[str, ...]:
+        """The sources that are errors of the vehicle and its gauges as built."""
+        return self.of_group(INSTALLATION)
 
     @property
     def std_of_range(self) -> FloatArray:
@@ -84,6 +118,5 @@ def coefficient_sources(inverse_map: InverseMap, problem: Problem, solution: Sol
         range=inverse_map.coefficient_range,
         correlation=covariance / np.outer(std, std),
         names=tuple(parts),
-        hardware=tuple(term.name for term in solution.noise.terms if term.hardware),
         variance=np.stack([scale**2 * np.sum(part[FIVE_LOADS] ** 2, axis=1) for part in parts.values()]),
     )

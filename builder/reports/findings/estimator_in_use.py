@@ -8,33 +8,69 @@ variance is a sum over the sources.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
+from builder.campaign.snapshots import Snapshots
+from builder.inverse.noise.error_list import MODEL_FORM
 from builder.inverse.noise.flow_models import FLOW_MODELS
-from builder.reports.findings.coefficient_sources import CoefficientSources
+from builder.inverse.noise.model import NoiseTerm
+from builder.inverse.problem import AnyStructure, on_structure
+from builder.inverse.solution import Problem
+from builder.manifold.nonlinear_build import errors_over_loads, tables_and_errors
+from builder.reports.findings.coefficient_sources import AIR_DATA, OF_RANGES, CoefficientSources
 from builder.reports.findings.envelope_states import ALL, FEW, air_data_at, envelope, estimated_at, strain_at
 from builder.reports.findings.prior_observability import PriorObservability
+from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.flight_tables import LOG_PRESSURE, evaluate
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.map.nonlinear_map import ManifoldMap
 from strainfmu.estimator.other_loads import FIVE_LOADS
 from strainfmu.estimator.reference.air import N_AIR, air_inputs
 from strainfmu.estimator.reference.nonlinear import NonlinearReference, Sample, coefficient_slopes
 
-NOISE, OFF_TABLES = "gauge noise and apparent strain", "pressure off the tables"
-HARDWARE = (
-    "gain of each gauge",
-    "position and direction of each gauge",
-    "gain of all gauges",
-    "other errors of all gauges, as of clocking and wall",
-)
-NAVIGATION = ("Mach number", "static pressure", "dynamic pressure", "ranges of the map")
-"""The sources of the nonlinear estimator's variance, with :data:`NOISE`, :data:`OFF_TABLES` and
-:data:`~builder.inverse.noise.flow_models.FLOW_MODELS`."""
+OF_GAUGES = "other errors of each gauge"
+"""Errors of single gauges that follow strain, where none of them has a name."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class NamedErrors:
+    """Errors that a map with tables holds together, by name.
+
+    Attributes
+    ----------
+    fixed : terms that no pressure changes.
+    off_tables : (n_d + n_f, k) columns of strain and loads per p_inf.
+    of_gauges, common : (m, 6, n_d) slopes of strain per p_inf over 1 and the loads, of errors of each gauge and of
+        those in common.
+    """
+
+    fixed: Sequence[NoiseTerm]
+    off_tables: Mapping[str, FloatArray]
+    of_gauges: Mapping[str, FloatArray]
+    common: Mapping[str, FloatArray]
+
+
+def named_errors(
+    vehicle: Vehicle,
+    snapshots: Snapshots,
+    structure: AnyStructure,
+    problem: Problem,
+    nuisance: Sequence[NoiseTerm] = (),
+) -> NamedErrors:
+    """Return the errors of the map with tables that is made from these."""
+    plain = vehicle.model_copy(update={"map": vehicle.map.model_copy(update={"keep_field": False})})
+    _, off_tables = tables_and_errors(plain, on_structure(snapshots, structure), structure, problem, nuisance)
+    slopes: tuple[dict[str, list[FloatArray]], ...] = (defaultdict(list), defaultdict(list))
+    for error, slope, _ in errors_over_loads(vehicle, problem)[1]:
+        slopes[error.common][error.name].append(slope)
+    of_gauges, common = ({name: np.array(parts) for name, parts in kind.items()} for kind in slopes)
+    fixed = [term for term in problem.noise if not term.scales]
+    return NamedErrors(fixed=fixed, off_tables=off_tables, of_gauges=of_gauges, common=common)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -50,8 +86,6 @@ class InUse:
         None where the nonlinear estimator gives no pressure.
     pressure_removed : the same over the surface.
     where : the flights that sigma is of, in words.
-    std_without_model_form : (5,) rms sigma over the same flights of a map that expects no model-form error, which
-        leaves measurement, installation and numerics [1]; None of a map that expects none, and of a linear one.
     """
 
     is_nonlinear: bool
@@ -60,12 +94,17 @@ class InUse:
     node_removed: FloatArray | None
     pressure_removed: float | None
     where: str
-    std_without_model_form: FloatArray | None = None
 
     @property
     def name(self) -> str:
         """Which estimator it is, in words."""
         return "the nonlinear estimator" if self.is_nonlinear else "the linear map"
+
+    @property
+    def std_without_model_form(self) -> FloatArray | None:
+        """(5,) sigma without the model-form error, with the same gain [1]; None where there is none."""
+        names = self.coefficients.of_group(MODEL_FORM)
+        return self.coefficients.std_without(names) if names else None
 
 
 def estimator_in_use(
@@ -73,14 +112,14 @@ def estimator_in_use(
     linear: CoefficientSources,
     observed: PriorObservability,
     node_area: FloatArray,
-    without_model_form: ManifoldMap | None = None,
+    errors: NamedErrors | None,
 ) -> InUse:
     """Return the judgement of the estimator of ``inverse_map``.
 
-    ``linear`` and ``observed`` judge the linear map; ``node_area`` (n_p,) is its nodes' area [m2].
-    ``without_model_form`` are its tables without model-form error, None where they are the same.
+    ``linear`` and ``observed`` judge the linear map; ``node_area`` (n_p,) is its nodes' area [m2]; ``errors`` are
+    those of its tables, None where it has none.
     """
-    if inverse_map.manifold is None:
+    if inverse_map.manifold is None or errors is None:
         return InUse(
             is_nonlinear=False,
             coefficients=linear,
@@ -91,10 +130,7 @@ def estimator_in_use(
         )
     dense, few = envelope(inverse_map.manifold), envelope(inverse_map.manifold, *FEW)
     node_removed, pressure_removed = _pressure_removed(inverse_map, few.flown, node_area, observed)
-    coefficients, largest = _of_nonlinear(inverse_map, dense.flown)
-    numerical = None
-    if without_model_form is not None:
-        numerical = _of_nonlinear(replace(inverse_map, manifold=without_model_form), dense.flown)[0].std
+    coefficients, largest = _of_nonlinear(inverse_map, errors, dense.flown)
     return InUse(
         is_nonlinear=True,
         coefficients=coefficients,
@@ -103,13 +139,14 @@ def estimator_in_use(
         pressure_removed=pressure_removed,
         where=f"rms over the envelope of the map at p_inf = {1e-3 * dense.static_pressure:.4g} kPa, with {ALL} of "
         "navigation",
-        std_without_model_form=numerical,
     )
 
 
-def _of_nonlinear(inverse_map: InverseMap, flown: FloatArray) -> tuple[CoefficientSources, FloatArray]:
+def _of_nonlinear(
+    inverse_map: InverseMap, errors: NamedErrors, flown: FloatArray
+) -> tuple[CoefficientSources, FloatArray]:
     """Return the sources of the mean variance over the states ``flown`` (k, 4), and the largest sigma (5,)."""
-    parts, covariance = source_variances(inverse_map, flown)
+    parts, covariance = source_variances(inverse_map, errors, flown)
     mean = covariance.mean(axis=0)
     std = np.sqrt(np.diag(mean))
     variance = {name: of_source.mean(axis=0) for name, of_source in parts.items()}
@@ -120,12 +157,13 @@ def _of_nonlinear(inverse_map: InverseMap, flown: FloatArray) -> tuple[Coefficie
         correlation=mean / np.outer(std, std),
         names=tuple(nonzero),
         variance=np.stack(list(nonzero.values())),
-        hardware=tuple(name for name in HARDWARE if name in nonzero),
     )
     return sources, np.sqrt(np.diagonal(covariance, axis1=1, axis2=2).max(axis=0))
 
 
-def source_variances(inverse_map: InverseMap, flown: FloatArray) -> tuple[dict[str, FloatArray], FloatArray]:
+def source_variances(
+    inverse_map: InverseMap, errors: NamedErrors, flown: FloatArray
+) -> tuple[dict[str, FloatArray], FloatArray]:
     """Return (k, 5) contribution of each source to the variance of each coefficient [1], and the covariance.
 
     The covariance (k, 5, 5) is of an estimate linearised at ``flown`` (k, 4), with all navigation, of strain that
@@ -140,49 +178,57 @@ def source_variances(inverse_map: InverseMap, flown: FloatArray) -> tuple[dict[s
         Sample(rows=rows, used=used, air=air_inputs(inverse_map, value, unknown))
         for rows, value in zip(strain, air, strict=True)
     ]
-    states = [_sources_of(reference, *at_state) for at_state in zip(samples, flown, strict=True)]
+    states = [_sources_of(reference, errors, *at_state) for at_state in zip(samples, flown, strict=True)]
     parts = {name: np.stack([parts_there[name] for parts_there, _ in states]) for name in states[0][0]}
     return parts, np.stack([covariance for _, covariance in states])
 
 
 def _sources_of(
-    reference: NonlinearReference, sample: Sample, state: FloatArray
+    reference: NonlinearReference, errors: NamedErrors, sample: Sample, state: FloatArray
 ) -> tuple[dict[str, FloatArray], FloatArray]:
-    """Return (5,) contribution of each source for ``sample`` at ``state``, and the covariance (5, 5)."""
+    """Return (5,) contribution of each source for ``sample`` at ``state``, and the covariance (5, 5).
+
+    What of the errors of a gauge is no combination of the loads goes to each of them in proportion.
+    """
     manifold, n_d = reference.manifold, reference.n_d
     posterior = reference.posterior(
         state, sample, reference.strain_covariance(state, considered=True), considered=True
     )
     pressure, at_state = np.exp(state[LOG_PRESSURE]), reference.at(state)[0]
     joint = posterior.covariance[0]
-    slopes, scale, wider = coefficient_slopes(state, at_state[n_d:], joint, reference.references)
-    gain = slopes @ posterior.gain[0]
+    slopes_of_loads, scale, wider = coefficient_slopes(state, at_state[n_d:], joint, reference.references)
+    gain = slopes_of_loads @ posterior.gain[0]
     strain, loads = at_state[:n_d], at_state[n_d:][FIVE_LOADS]
     of_strain, of_air, of_prior = np.split(gain[FIVE_LOADS], [n_d, n_d + N_AIR], axis=1)
     c = np.append(1.0, loads / (pressure * manifold.references))
     first, second = np.triu_indices(len(c))
     of_gauge = np.maximum((c[first] * c[second]) @ manifold.gauge_error_product, 0.0)
-    common_errors = [manifold.common_error, manifold.considered_common]
-    common = np.einsum("a,tan->nt", c, np.concatenate(common_errors))
-    columns = np.hstack([np.vstack([manifold.error_strain, manifold.error_load]), manifold.considered_columns])
+    fractions = {name: np.sum((c @ slopes) ** 2, axis=0) for name, slopes in errors.of_gauges.items()}
+    fractions = fractions or {OF_GAUGES: np.ones(n_d)}
+    of_all = np.maximum(np.sum(list(fractions.values()), axis=0), 1e-300)
 
     def of_columns(columns: FloatArray) -> FloatArray:
         by_load = scale[FIVE_LOADS, None] * columns[n_d:][FIVE_LOADS]
         return np.asarray(np.sum((of_strain @ columns[:n_d] - by_load) ** 2, axis=1))
 
-    parts = {
-        NOISE: np.einsum("in,nm,im->i", of_strain, manifold.gauge_covariance, of_strain, optimize=True),
-        OFF_TABLES: pressure**2 * of_columns(columns),
-        HARDWARE[0]: np.sum((of_strain * manifold.gain_std * strain) ** 2, axis=1),
-        HARDWARE[1]: pressure**2 * of_strain**2 @ of_gauge,
-        HARDWARE[2]: (of_strain @ (manifold.common_gain * strain)) ** 2,
-        HARDWARE[3]: pressure**2 * np.sum((of_strain @ common) ** 2, axis=1),
-        **dict(zip(NAVIGATION, (of_air * sample.air.log_std).T ** 2, strict=False)),
-        NAVIGATION[3]: np.sum((of_prior * reference.prior_std) ** 2, axis=1),
-    }
+    by_gauge, by_air = pressure**2 * of_strain**2, (of_air * sample.air.log_std).T ** 2
+    parts: dict[str, FloatArray] = defaultdict(lambda: np.zeros(len(of_strain)))
+    for term in errors.fixed:
+        parts[term.name] += np.sum(term.by_gain(of_strain) ** 2, axis=1)
+    parts["gauge gain"] += np.sum((of_strain * manifold.gain_std * strain) ** 2, axis=1)
+    parts["common gain"] += (of_strain @ (manifold.common_gain * strain)) ** 2
+    for name, fraction in fractions.items():
+        parts[name] += by_gauge @ (of_gauge * fraction / of_all)
+    for name, slopes in errors.common.items():
+        parts[name] += pressure**2 * np.sum((of_strain @ (c @ slopes).T) ** 2, axis=1)
+    for name, columns in errors.off_tables.items():
+        parts[name] += pressure**2 * of_columns(columns)
     if manifold.considered_tables is not None:
-        parts[FLOW_MODELS] = of_columns(evaluate(manifold.considered_tables, state[None]).value.T)
-    covariance = wider * (slopes[FIVE_LOADS] @ joint @ slopes[FIVE_LOADS].T)
+        parts[FLOW_MODELS] += of_columns(evaluate(manifold.considered_tables, state[None]).value.T)
+    for name, part in zip(AIR_DATA, by_air, strict=False):
+        parts[name] += part
+    parts[OF_RANGES] += np.sum((of_prior * reference.prior_std) ** 2, axis=1)
+    covariance = wider * (slopes_of_loads[FIVE_LOADS] @ joint @ slopes_of_loads[FIVE_LOADS].T)
     return {name: wider * part for name, part in parts.items()}, covariance
 
 

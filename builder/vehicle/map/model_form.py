@@ -94,8 +94,3 @@ SIZES = (
     "discrepancy_of_newtonian_percent",
 )
 """Entries of [map] that state a size of the model-form error."""
-
-
-def without_model_form(entry: MapEntry) -> MapEntry:
-    """Return the section with every size of the model-form error set to 0."""
-    return entry.model_copy(update=dict.fromkeys(SIZES, 0.0))

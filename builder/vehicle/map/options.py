@@ -230,6 +230,10 @@ HARDWARE_ERRORS = (
 """Entries of [noise] that are errors of the hardware, one standard deviation each."""
 
 
+OWN_NOISE = ("percent_of_median_strain", "std_um_per_m", "std_of_gauges_um_per_m", "covariance_file")
+"""Entries of [noise] for the noise of the gauges themselves; one of them is stated."""
+
+
 class Noise(Section):
     """Errors of strain: gauge noise and installation errors.
 
@@ -294,9 +298,8 @@ class Noise(Section):
 
     @model_validator(mode="after")
     def _one_way(self) -> Noise:
-        names = ("percent_of_median_strain", "std_um_per_m", "std_of_gauges_um_per_m", "covariance_file")
-        if sum(getattr(self, name) is not None for name in names) != 1:
-            raise ValueError(f"give either {' or '.join(names)}, and only one of them")
+        if sum(getattr(self, name) is not None for name in OWN_NOISE) != 1:
+            raise ValueError(f"give either {' or '.join(OWN_NOISE)}, and only one of them")
         return self
 
     @model_validator(mode="after")

@@ -25,11 +25,11 @@ def place(*, output: Path, curves: Path | None, **options: Any) -> None:
 
 
 def review(*, output: Path, **options: Any) -> None:
-    """Review a layout and print its weak points."""
+    """Review a layout and print which gauges could go, and which would help."""
     start = perf_counter()
     judged = builder.review(output=output, **options, progress=True)
     name, gain = judged.best
-    say(f"weakest: {judged.weakest_line}", *judged.weak_points, f"could go: {', '.join(judged.spare) or 'none'}")
+    say(f"could go: {', '.join(judged.spare) or 'none'}")
     say(f"would help most: {name}, the criterion falls by {100.0 * gain:.2f} %")
     written = [output, *([pdf] if (pdf := output.with_suffix(".pdf")).is_file() else [])]
     say_finished(", ".join(map(str, written)), start)
