@@ -72,7 +72,7 @@ def classes(
 
 
 def unrolled_pressure(
-    surface: SurfaceMesh, *, removed: FloatArray, mean: FloatArray, std: FloatArray, inverse_map: InverseMap
+    surface: SurfaceMesh, *, removed: FloatArray | None, mean: FloatArray, std: FloatArray, inverse_map: InverseMap
 ) -> ValuedFigure:
     """Draw the unrolled body: variance that the data remove, mean and spread of the pressure, and the gauges.
 
@@ -81,18 +81,20 @@ def unrolled_pressure(
     Parameters
     ----------
     surface : the pressure nodes.
-    removed : (n_p,) fraction of the variance that the data remove [1]; NaN where there is none.
+    removed : (n_p,) fraction of the variance that the data remove [1], NaN where there is none; None if not known.
     mean, std : (n_p,) mean and standard deviation of the pressure that the map models [Pa].
     inverse_map : its gauges are drawn.
     """
-    shown = ValuedFigure(blank_figure(10.0, 8.6))
-    panels = list(shown.figure.subplots(3, 1, sharex=True))
-    percent, of_all = np.nan_to_num(np.clip(100.0 * removed, 0.0, 100.0)), {"vmin": 0.0, "vmax": 100.0}
-    for panel, values, label, ends in (
-        (panels[0], percent, "variance removed [%]", of_all),
-        (panels[1], 1e-3 * mean, "mean pressure [kPa]", None),
-        (panels[2], 1e-3 * std, "standard deviation [kPa]", None),
-    ):
+    fields: list[tuple[FloatArray, str, dict[str, float] | None]] = [
+        (1e-3 * mean, "mean pressure [kPa]", None),
+        (1e-3 * std, "standard deviation [kPa]", None),
+    ]
+    if removed is not None:
+        percent = np.nan_to_num(np.clip(100.0 * removed, 0.0, 100.0))
+        fields.insert(0, (percent, "variance removed [%]", {"vmin": 0.0, "vmax": 100.0}))
+    shown = ValuedFigure(blank_figure(10.0, 0.5 + 2.7 * len(fields)))
+    panels = list(shown.figure.subplots(len(fields), 1, sharex=True))
+    for panel, (values, label, ends) in zip(panels, fields, strict=True):
         point, roll, triangle, nodes = unrolled_triangles(surface, values)
         image = panel.tripcolor(
             point[:, 0],
@@ -111,9 +113,9 @@ def unrolled_pressure(
     x, roll_angle, node = _closest_nodes(surface)
     width, height = float(np.ptp(surface.point[:, 0])) / STATIONS, 360.0 / ROLLS
     for (station, angle), k in zip(product(x.tolist(), roll_angle.tolist()), node.ravel().tolist(), strict=True):
+        part = "" if removed is None else f"variance removed {digits(100.0 * removed[k])} %\n"
         text = (
-            f"x {digits(station)} m, roll {digits(angle)} deg\n"
-            f"variance removed {digits(100.0 * removed[k])} %\n"
+            f"x {digits(station)} m, roll {digits(angle)} deg\n{part}"
             f"mean {digits(1e-3 * mean[k])} kPa\nstandard deviation {digits(1e-3 * std[k])} kPa"
         )
         shown.annotate(*(cell(panel, station, angle, width, height) for panel in panels), text=text)

@@ -85,7 +85,7 @@ def report_page(report: BuildReport, review: Review | None = None) -> Page:
         *(() if review is None else (layout_section(review),)),
         *((sections.gamma_choice(report, tables),) if report.gamma and not report.in_use.is_nonlinear else ()),
         sections.aerodynamics(report),
-        Section("Noise terms", (tables["noise"],)),
+        *(() if report.in_use.is_nonlinear else (Section("Noise terms", (tables["noise"],)),)),
         Section("Validity range", (tables["validity"], Paragraph(STRAINS_OF_GAUGES))),
         Section(NOT_INCLUDED, (Items(report.excluded),)),
         *((Section("Made from", (tables["made_from"],)),) if "made_from" in tables else ()),

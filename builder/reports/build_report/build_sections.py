@@ -74,8 +74,12 @@ def _modelled(report: BuildReport) -> str:
 
 
 def observability(report: BuildReport, tables: dict[str, Table]) -> Section:
-    removed, by_linear = report.in_use.node_removed, report.observability.node_removed
-    by_node, whose = (by_linear, "the linear map") if removed is None else (removed, report.in_use.name)
+    removed, std = report.in_use.node_removed, report.observability.node_std
+    if removed is None:
+        values, label, what = 1e-3 * std, "standard deviation [kPa]", "standard deviation of the pressure"
+    else:
+        values, label = np.nan_to_num(np.clip(100.0 * removed, 0.0, 100.0)), "variance removed [%]"
+        what = f"fraction of the pressure's variance that {report.in_use.name} removes"
     return Section(
         "What this layout observes",
         (
@@ -86,32 +90,22 @@ def observability(report: BuildReport, tables: dict[str, Table]) -> Section:
             ),
             tables["classes"],
             picture(
-                solid_view(
-                    scene_of(
-                        report.surface,
-                        np.nan_to_num(np.clip(100.0 * by_node, 0.0, 100.0)),
-                        "variance removed [%]",
-                        report.inverse_map,
-                        report.vehicle,
-                    )
-                ),
-                f"The vehicle from two sides: fraction of the pressure's variance that {whose} removes, and "
-                "the gauges as bars on the outside, along their directions.",
+                solid_view(scene_of(report.surface, values, label, report.inverse_map, report.vehicle)),
+                f"The vehicle from two sides: {what}, and the gauges as bars along their directions.",
                 "Two oblique views of the vehicle with its gauges.",
             ),
             picture(
                 observability_figures.unrolled_pressure(
                     report.surface,
-                    removed=by_node,
+                    removed=removed,
                     mean=report.observability.node_mean,
-                    std=report.observability.node_std,
+                    std=std,
                     inverse_map=report.inverse_map,
                 ),
-                f"Fraction of the pressure's variance that {whose} removes, mean and standard deviation, on the "
-                "unrolled body. Circles are axial gauges, squares hoop gauges, diamonds inclined ones, drawn "
-                f"slightly apart. Mean and standard deviation are {_modelled(report)}.",
-                "Maps of the unrolled body: fraction of the pressure's variance that the data remove, mean and "
-                "standard deviation of the pressure.",
+                f"{'' if removed is None else f'{what[0].upper()}{what[1:]}; '}mean and standard deviation of the "
+                "pressure, on the unrolled body. Circles are axial gauges, squares hoop gauges, diamonds inclined "
+                f"ones, drawn slightly apart. Mean and standard deviation are {_modelled(report)}.",
+                "Maps of the unrolled body: pressure, and how much of its variance the data remove.",
                 "svg",
             ),
             *([] if report.in_use.is_nonlinear else _modes(report, tables)),
