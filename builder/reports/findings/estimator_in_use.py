@@ -116,8 +116,8 @@ def estimator_in_use(
 ) -> InUse:
     """Return the judgement of the estimator of ``inverse_map``.
 
-    ``linear`` and ``observed`` judge the linear map; ``node_area`` (n_p,) is its nodes' area [m2]; ``errors`` are
-    those of its tables, None where it has none.
+    ``linear`` and ``observed`` judge the linear map; ``node_area`` (n_p,) is its nodes' area [m2].
+    ``errors`` belong to its tables, None where it has none.
     """
     if inverse_map.manifold is None or errors is None:
         return InUse(
