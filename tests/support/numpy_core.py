@@ -48,7 +48,7 @@ from strainfmu.estimator.map.validity import (
 )
 from strainfmu.estimator.other_loads import FIVE_LOADS, OTHER_LOADS
 from strainfmu.estimator.policies import MIN_INFORMATION
-from strainfmu.estimator.reference.air import air_of, angles_contradict, linear_pressure_std
+from strainfmu.estimator.reference.air import air_of, linear_pressure_std, measured_directions
 from strainfmu.estimator.reference.linear import LinearEstimate, estimate
 from strainfmu.estimator.reference.readings import amplitudes, row_noise, rows_of
 from strainfmu.estimator.settings import (
@@ -505,3 +505,30 @@ class ByNumpy(Estimator):
 
     def _new_core(self, resource: bytes) -> NumpyCore:
         return NumpyCore(self.inverse_map, resource)
+
+
+def angles_contradict(
+    air: Mapping[str, FloatArray],
+    *,
+    slope: float,
+    force: FloatArray,
+    force_std: FloatArray,
+    limit: float,
+) -> BoolArray:
+    """Return (k,) whether the flow comes from another side by the measured angles than by the lateral forces.
+
+    Parameters
+    ----------
+    slope : minimum incidence per lateral coefficient [rad]; 0 for no test.
+    force, force_std : (k, 2) C_N and C_Y, and their standard deviations.
+    limit : largest square of the standardised difference.
+    """
+    value, std = measured_directions(air)
+    known = np.isfinite(std)
+    need = np.where(known, slope * force, 0.0)
+    size = np.linalg.norm(need, axis=1)
+    part = np.divide(need, size[:, None], out=np.zeros_like(need), where=size[:, None] > 0.0)
+    apart = size - (part * value).sum(axis=1)
+    of_angle = np.where(known, std, 0.0) ** 2 + (slope * np.nan_to_num(force_std)) ** 2
+    variance = (part**2 * np.where(known, of_angle, 0.0)).sum(axis=1)
+    return (size > 0.0) & (apart > 0.0) & (apart**2 > limit * variance)

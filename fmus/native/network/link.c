@@ -1,3 +1,6 @@
+/* Operations of FMI-LS-BUS as bytes: code, length of all, arguments. What is heard is taken one by one, and what is none
+   answered with its start as a Format Error; what goes is appended to the bytes of the tick. link.h states the functions. */
+
 #include "link.h"
 
 /* Append an operation to *n bytes of at most `most`; 0 without a place for it. */

@@ -1,3 +1,6 @@
+/* Values of the frames of a result, of its details and of the status: what is not published, or not known, is NaN, which
+   frames have a number for; what exceeds its signal is the largest one. results.h lists the values. */
+
 #include <math.h>
 #include <string.h>
 

@@ -1,3 +1,8 @@
+/* The model behind the fronts for plant, autopilot and schedule: model.bin is checked as a whole, then variables, states
+   and scratch lie in one block. Outputs are outdated by a time, an input or a step, and computed when they are read.
+
+       model.bin   header | type, causality, start, minimum, maximum of each variable | data of the kind */
+
 #include "system_model.h"
 
 #include <math.h>

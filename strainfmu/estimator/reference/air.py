@@ -9,7 +9,7 @@ from math import log
 
 import numpy as np
 
-from strainfmu.arrays import BoolArray, FloatArray, IntArray
+from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.atmosphere import (
     DEVIATION_OF_AIR,
     HEAT_CAPACITY_RATIO,
@@ -166,33 +166,6 @@ def measured_directions(air: Mapping[str, FloatArray]) -> tuple[FloatArray, Floa
     ratio = np.where(across > 0.0, np.arctan2(across, along) / np.where(across > 0.0, across, 1.0), 1.0)
     std = np.where(np.isnan(stated), ANGLE_ERROR, np.maximum(stated, LEAST_ANGLE_STD))
     return np.column_stack([ratio * up, ratio * starboard]), np.where(known, std, np.inf)
-
-
-def angles_contradict(
-    air: Mapping[str, FloatArray],
-    *,
-    slope: float,
-    force: FloatArray,
-    force_std: FloatArray,
-    limit: float,
-) -> BoolArray:
-    """Return (k,) whether the flow comes from another side by the measured angles than by the lateral forces.
-
-    Parameters
-    ----------
-    slope : minimum incidence per lateral coefficient [rad]; 0 for no test.
-    force, force_std : (k, 2) C_N and C_Y, and their standard deviations.
-    limit : largest square of the standardised difference.
-    """
-    value, std = measured_directions(air)
-    known = np.isfinite(std)
-    need = np.where(known, slope * force, 0.0)
-    size = np.linalg.norm(need, axis=1)
-    part = np.divide(need, size[:, None], out=np.zeros_like(need), where=size[:, None] > 0.0)
-    apart = size - (part * value).sum(axis=1)
-    of_angle = np.where(known, std, 0.0) ** 2 + (slope * np.nan_to_num(force_std)) ** 2
-    variance = (part**2 * np.where(known, of_angle, 0.0)).sum(axis=1)
-    return (size > 0.0) & (apart > 0.0) & (apart**2 > limit * variance)
 
 
 def air_inputs(inverse_map: InverseMap, value: FloatArray, std: FloatArray, altitude: float = np.nan) -> AirInputs:
