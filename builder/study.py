@@ -317,7 +317,7 @@ def design_world(
         make_shape_flows(pipeline, vehicle, conditions, TRIAL_FLOWS, "flows of the trial")
     structure = pipeline.path(STRUCTURE)
     files = pipeline.path(MAP), flows or pipeline.path(TRIAL_FLOWS), structure if structure.is_file() else None
-    return world_of(vehicle, *files, plan.conditions, plan.seed)
+    return world_of(vehicle, *files, plan)
 
 
 def design_rows(world: World, case: Case, plan: Plan) -> dict[str, list[Row]]:

@@ -326,7 +326,7 @@ def _flights_of_map(pipeline: Pipeline, trial: TrialFile, only: Sequence[str], f
     structure = pipeline.path(STRUCTURE)
     files = pipeline.path(MAP), pipeline.path(FLOWS), structure if structure.is_file() else None
     inputs = {"map": _content_of(pipeline.path(MAP), inverse_map_file), "flows": pipeline.made_from(FLOWS)}
-    return vehicle, trial, partial(world_of, vehicle, *files, plan.conditions, plan.seed), inputs, scored
+    return vehicle, trial, partial(world_of, vehicle, *files, plan), inputs, scored
 
 
 def _comparison(pipeline: Pipeline, trial: TrialFile, only: Sequence[str], flows: Path | None) -> Parts:
@@ -391,48 +391,40 @@ def refuse_vehicle(vehicle: Vehicle, trial: TrialFile) -> None:
 
 
 def world_of(
-    vehicle: Vehicle, inverse_map: Path, flows: Path, structure: Path | None, conditions: int, seed: int
+    vehicle: Vehicle,
+    inverse_map: Path | InverseMap,
+    flows: Path,
+    structure: Path | None,
+    plan: Plan,
+    made_by: type[World] = World,
+    **more: Any,
 ) -> World:
-    """Return the world of a trial.
+    """Return the world of a trial, ``made_by`` with ``more`` attributes.
 
     ``structure`` is the file of the map's structure, whose check is the mesh that flies, of another shape than a
     body of revolution.
     """
-    made, world = load_inverse_map(inverse_map), _true_world(vehicle, flows, structure)
-    return World(**world, inverse_map=made, conditions=conditions, seed=seed)
+    parts: dict[str, Any] = {"vehicle": vehicle, "conditions": plan.conditions, "seed": plan.seed, **more}
+    parts["inverse_map"] = inverse_map if isinstance(inverse_map, InverseMap) else load_inverse_map(inverse_map)
+    if not vehicle.is_axisymmetric:
+        known = None if structure is None else load_structure(structure)
+        return made_by(structure=flying_structure(vehicle, known, Silent()), flows=load_snapshots(flows), **parts)
+    true = true_structure(vehicle)
+    sensors = flown_sensors(vehicle, true.surface)
+    table = load_flow_table(flows, vehicle)
+    return made_by(structure=true, flows=table, sensors=sensors and sensors.as_built, **parts)
 
 
-def _compared_world(
-    vehicle: Vehicle, snapshots: Path, structure: Path | None, flows: Path, plan: Plan
-) -> ComparedWorld:
+def _compared_world(vehicle: Vehicle, snapshots: Path, structure: Path | None, flows: Path, plan: Plan) -> World:
     parts = load_map_parts(vehicle, snapshots, structure, Silent())
     maps = maps_for(vehicle, *parts, is_exact=False)
-    return ComparedWorld(
-        **_true_world(vehicle, flows, structure),
-        inverse_map=maps[NONLINEAR],
-        _made={False: maps},
-        conditions=plan.conditions,
-        seed=plan.seed,
-        snapshots=parts[0],
-        map_structure=parts[1],
-        training=plan.training or 0,
-    )
-
-
-def _true_world(vehicle: Vehicle, flows: Path, structure: Path | None) -> dict[str, Any]:
-    """Return the independent model of a vehicle: the arguments of a world by name."""
-    if vehicle.is_axisymmetric:
-        true = true_structure(vehicle)
-        sensors = flown_sensors(vehicle, true.surface)
-        return {
-            "vehicle": vehicle,
-            "structure": true,
-            "flows": load_flow_table(flows, vehicle),
-            "sensors": sensors and sensors.as_built,
-        }
-    known = None if structure is None else load_structure(structure)
-    true_shape = flying_structure(vehicle, known, Silent())
-    return {"vehicle": vehicle, "structure": true_shape, "flows": load_snapshots(flows)}
+    more = {
+        "_made": {False: maps},
+        "snapshots": parts[0],
+        "map_structure": parts[1],
+        "training": plan.training or 0,
+    }
+    return world_of(vehicle, maps[NONLINEAR], flows, structure, plan, ComparedWorld, **more)
 
 
 def _make_flows(
