@@ -411,8 +411,9 @@ def world_of(
         return made_by(structure=flying_structure(vehicle, known, Silent()), flows=load_snapshots(flows), **parts)
     true = true_structure(vehicle)
     sensors = flown_sensors(vehicle, true.surface)
+    as_built = None if sensors is None else sensors.as_built
     table = load_flow_table(flows, vehicle)
-    return made_by(structure=true, flows=table, sensors=sensors and sensors.as_built, **parts)
+    return made_by(structure=true, flows=table, sensors=as_built, **parts)
 
 
 def _compared_world(vehicle: Vehicle, snapshots: Path, structure: Path | None, flows: Path, plan: Plan) -> World:

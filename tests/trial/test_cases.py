@@ -140,9 +140,6 @@ def test_wrong_entries_are_named_a_line_each(tmp_path: Path) -> None:
         path.write_text(f'[[group]]\nclass = "alone"\ncases = [{entries}]')
         with pytest.raises(InputError, match=message):
             cases_for(SHIPPED, load_trial(path))
-
-
-def test_names_that_are_unknown_are_answered_with_the_known_ones(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"^nothing: expected the path of a file, .* stress, uncertainty"):
         load_trial("nothing")
     with pytest.raises(InputError, match=r"^--only: expected errors of all_stated, .*, got 'colour'$"):

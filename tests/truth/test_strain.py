@@ -30,7 +30,7 @@ from builder.truth.revolution.strain import TrueFlights, TrueStructure, true_fli
 from builder.vehicle.file import VEHICLES, Vehicle, load_vehicle
 from builder.vehicle.map.options import Noise
 from strainfmu.arrays import FloatArray
-from strainfmu.errors import InputError
+from strainfmu.errors import FlowReachError, InputError
 from strainfmu.flight_condition import FlightCondition
 
 N_GAUGES = 54
@@ -283,7 +283,7 @@ def test_knots_and_cubics_between_them_are_met_from_zero_incidence_on() -> None:
     ],
 )
 def test_outside_the_knots_nothing_is_known(mach: float, incidence: float, message: str) -> None:
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(FlowReachError, match=message):
         harmonics_at(random_table(), np.array([mach]), np.array([incidence]))
 
 
