@@ -144,5 +144,3 @@ def test_wrong_entries_are_named_a_line_each(tmp_path: Path) -> None:
         load_trial("nothing")
     with pytest.raises(InputError, match=r"^--only: expected errors of all_stated, .*, got 'colour'$"):
         cases_for(SHIPPED, STRESS, ["colour"])
-    with pytest.raises(InputError, match=r"mine.toml: no such file"):
-        load_trial(tmp_path / "mine.toml")
