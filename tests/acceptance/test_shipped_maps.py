@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from coarse_vehicle import with_paper_map
+from coarse_vehicle import true_flights, with_paper_map
 from sweeps import sweep
 
 from builder.aero.engines.euler import EulerEngine
@@ -33,7 +33,6 @@ from builder.truth.flights import drawn_vehicle
 from builder.truth.revolution.flow_table import FlowTable, load_flow_table
 from builder.truth.revolution.strain import (
     TrueStructure,
-    true_flights,
     without_faint_harmonics,
 )
 from builder.vehicle.conditions.flight_conditions import ConditionSet

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from coarse_vehicle import true_flights
 from flight_maps import flight_map
 
 from builder.aero.loads.operator import load_operator
@@ -16,7 +17,7 @@ from builder.structure.as_built.as_built_vehicle import exactly_built
 from builder.structure.fourier.fourier_model import StructuralModel
 from builder.trial.conditions import held_out_conditions
 from builder.truth.revolution.flow_table import FlowTable, harmonics_at
-from builder.truth.revolution.strain import TrueStructure, true_flights
+from builder.truth.revolution.strain import TrueStructure
 from builder.vehicle.file import Vehicle
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimator import Estimator

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import radians
 from pathlib import Path
 from typing import Any
@@ -19,8 +20,16 @@ from builder.campaign.scheduling import Scheduling, solve_flows
 from builder.campaign.snapshots import Snapshots, load_snapshots, save_snapshots
 from builder.inverse.problem import gauge_noise_covariance
 from builder.structure.fourier.fourier_model import StructuralModel, structural_model
-from builder.truth.revolution.flow_table import FlowTable, flow_keys, flow_table, truth_engine, truth_knots
-from builder.truth.revolution.strain import TrueStructure, true_structure
+from builder.truth.revolution.flow_table import (
+    FlowTable,
+    flow_keys,
+    flow_states,
+    flow_table,
+    knot_weights,
+    truth_engine,
+    truth_knots,
+)
+from builder.truth.revolution.strain import TrueFlights, TrueStructure, flights_of_flows, true_structure
 from builder.vehicle.conditions.flight_conditions import condition_grid
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
 from builder.vehicle.map.options import MapEntry
@@ -154,3 +163,11 @@ def table(vehicle: Vehicle, truth_flows: dict[FlowKey, Flow]) -> FlowTable:
     """The pressure of the independent model."""
     mach, incidence = truth_knots(vehicle)
     return flow_table(vehicle, mach, incidence, truth_flows)
+
+
+def true_flights(
+    vehicle: Vehicle, structure: TrueStructure, table: FlowTable, conditions: Sequence[FlightCondition]
+) -> TrueFlights:
+    """Return the flights at ``conditions``, between the flows of ``table``."""
+    mach, incidence, _ = flow_states(conditions)
+    return flights_of_flows(vehicle, structure, table.flows, knot_weights(table, mach, incidence), conditions)

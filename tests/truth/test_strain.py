@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
+from coarse_vehicle import true_flights
 from ensembles import listed_ensemble
 
 from builder.aero.loads.operator import coefficients_of, load_operator
@@ -26,7 +27,7 @@ from builder.truth.revolution.flow_table import (
     save_flow_table,
     truth_surface,
 )
-from builder.truth.revolution.strain import TrueFlights, TrueStructure, true_flights, true_structure
+from builder.truth.revolution.strain import TrueFlights, TrueStructure, true_structure
 from builder.vehicle.file import VEHICLES, Vehicle, load_vehicle
 from builder.vehicle.map.options import Noise
 from strainfmu.arrays import FloatArray

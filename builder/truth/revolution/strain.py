@@ -31,7 +31,7 @@ from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import harmonic_response
 from builder.structure.wall import wall_of
 from builder.truth.flights import Flights, pressures_at
-from builder.truth.revolution.flow_table import FlowTable, by_parity, flow_states, knot_weights
+from builder.truth.revolution.flow_table import FlowTable, by_parity
 from builder.vehicle.file import Vehicle
 from builder.vehicle.shape.geometry import SurfaceGrid, surface_grid
 from strainfmu.arrays import FloatArray
@@ -183,14 +183,6 @@ class TrueFlights(Flights):
             return strain
         sensors = self.sensors(as_built, random)
         return np.hstack([strain, sensor_readings(sensors, self.harmonic[rows], flights.conditions)])
-
-
-def true_flights(
-    vehicle: Vehicle, structure: TrueStructure, table: FlowTable, conditions: Sequence[FlightCondition]
-) -> TrueFlights:
-    """Return the flights of ``vehicle`` at ``conditions``, between the flows of ``table``."""
-    mach, incidence, _ = flow_states(conditions)
-    return flights_of_flows(vehicle, structure, table.flows, knot_weights(table, mach, incidence), conditions)
 
 
 def flights_of_flows(
