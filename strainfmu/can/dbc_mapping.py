@@ -6,7 +6,7 @@ cantools. ``mapping_entries`` reads the entries.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, TypeVar
 
@@ -70,19 +70,16 @@ class _Mapper(MappingEntries):
 
     def layout(self) -> InputLayout:
         """Return the whole input."""
-        by_message: dict[tuple[str, int | None], list[tuple[int, Any]]] = {}
-        for gauge, path in self._strain_table().items():
-            message, signal = self._signal(path, f"strain, '{gauge}'")
-            by_message.setdefault((message.name, self._selector_value(signal)), []).append(
-                (self._gauge(gauge), signal)
-            )
-        by_message = _with_every_page(by_message)
+        by_message = self._by_frame(
+            (self._gauge(gauge), path, f"strain, '{gauge}'") for gauge, path in self._strain_table().items()
+        )
         gauges = [index for items in by_message.values() for index, _ in items]
         for index, gauge in enumerate(self._names):
             if gauges.count(index) != 1:
                 number = "none" if index not in gauges else f"{gauges.count(index)}"
                 raise self._refusal(STRAIN, f"expected one signal for gauge '{gauge}', got {number}")
-        frames = tuple(self._strain_frame(*key, items) for key, items in sorted(by_message.items(), key=_by_name))
+        places = sorted(by_message, key=lambda place: (place[0], -1 if place[1] is None else place[1]))
+        frames = tuple(self._strain_frame(*place, by_message[place]) for place in places)
         timed = [frame.sample_time is not None for frame in frames]
         if any(timed) and not all(timed):
             missing = frames[timed.index(False)].layout.name
@@ -113,6 +110,25 @@ class _Mapper(MappingEntries):
 
     # --- frames --------------------------------------------------------------------------------------------------
 
+    def _by_frame(
+        self, paths: Iterable[tuple[_Key, Any, str]]
+    ) -> dict[tuple[str, int | None], list[tuple[_Key, Any]]]:
+        """Return signals by frame and multiplexer value; ``paths`` are what each is of, its path, its entry.
+
+        Signals that come with every value are in all frames of their message; they are read from the first in use,
+        once a cycle.
+        """
+        by_value: dict[tuple[str, int | None], list[tuple[_Key, Any]]] = {}
+        for key, path, where in paths:
+            message, signal = self._signal(path, where)
+            by_value.setdefault((message.name, self._selector_value(signal)), []).append((key, signal))
+        by_frame: dict[tuple[str, int | None], list[tuple[_Key, Any]]] = {}
+        for (name, value), items in by_value.items():
+            values = [page for message, page in by_value if message == name and page is not None]
+            first = min(values, default=None) if value is None else value
+            by_frame.setdefault((name, first), []).extend(items)
+        return by_frame
+
     def _strain_frame(self, message_name: str, selector: int | None, items: list[tuple[int, Any]]) -> InputFrame:
         """Return one frame of strains."""
         message = self._database.get_message_by_name(message_name)
@@ -132,12 +148,9 @@ class _Mapper(MappingEntries):
 
         Those of a frame that is slower than the cycle [s] are held for two of its own periods.
         """
-        by_frame: dict[tuple[str, int | None], list[tuple[str, Any]]] = {}
         other_paths = (pair for table in self._others for pair in self._other_paths(table))
-        for quantity, path in (*self._flow_paths(), *other_paths):
-            message, signal = self._signal(path, quantity)
-            by_frame.setdefault((message.name, self._selector_value(signal)), []).append((quantity, signal))
-        frames = [self._flow_frame(*key, items) for key, items in _with_every_page(by_frame).items()]
+        by_frame = self._by_frame((name, path, name) for name, path in (*self._flow_paths(), *other_paths))
+        frames = [self._flow_frame(*key, items) for key, items in by_frame.items()]
         timeouts = [self._timeout(frame, _PERIODS_HELD) for frame in frames]
         stated = self._table("timeout_ms", optional=True)
         return tuple(
@@ -331,27 +344,3 @@ class _Mapper(MappingEntries):
 def _ms(frame: InputFrame) -> str:
     """Return the period of a frame in words."""
     return f"{1e3 * (frame.layout.cycle_time or 0.0):g} ms"
-
-
-def _with_every_page(
-    by_frame: Mapping[tuple[str, int | None], list[tuple[_Key, Any]]],
-) -> dict[tuple[str, int | None], list[tuple[_Key, Any]]]:
-    """Return signals by frame and multiplexer value, those that come with every value at the first value in use.
-
-    They are in all of these frames; they are read from one, once a cycle.
-    """
-    pages: dict[str, list[int]] = {}
-    for message, value in by_frame:
-        if value is not None:
-            pages.setdefault(message, []).append(value)
-    joined: dict[tuple[str, int | None], list[tuple[_Key, Any]]] = {}
-    for (message, value), items in by_frame.items():
-        first = min(pages[message]) if value is None and message in pages else value
-        joined.setdefault((message, first), []).extend(items)
-    return joined
-
-
-def _by_name(item: tuple[tuple[str, int | None], Any]) -> tuple[str, int]:
-    """Sort frames by name and multiplexer value."""
-    (message, selector), _ = item
-    return message, -1 if selector is None else selector

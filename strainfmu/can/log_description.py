@@ -89,19 +89,14 @@ def _options(values: Mapping[str, Any]) -> BridgeOptions:
     texts = _checked("bus_options", values["bus_options"], list)
     options: dict[str, Any] = {
         "identifiers": Identifiers(
-            **{name: _checked(name, numbers[name], kind) for name, kind in _kinds(Identifiers)}
+            **{name: _checked(name, numbers[name], kind) for name, kind in get_type_hints(Identifiers).items()}
         ),
         "bus_options": tuple(_checked("bus_options", text, str) for text in texts),
     }
     for name in _FILES:
         text = _checked(name, values.get(name), str | None)
         options[name] = None if text is None else Path(text)
-    for name, kind in _kinds(BridgeOptions):
+    for name, kind in get_type_hints(BridgeOptions).items():
         if name not in options and name in values:
             options[name] = _checked(name, values[name], kind)
     return BridgeOptions(**options)
-
-
-def _kinds(record: type) -> list[tuple[str, Any]]:
-    """Return the names and types of a dataclass's entries."""
-    return list(get_type_hints(record).items())

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import product
-from math import inf, isfinite, nan
+from math import inf, isfinite, isnan, nan
 from typing import Any
 
 import numpy as np
@@ -68,7 +68,6 @@ _KINDS = {
 
 _LONGEST = FD_LENGTHS[-1]
 _ALONE, _WITH_DETAILS = (OF_RESULT,), (OF_RESULT, OF_DETAIL)
-_OWN = NUMBER_OF[FrameClass.OWN]
 
 _VERDICTS = {Authenticity.AUTHENTIC: 2, Authenticity.FORGED: 4, Authenticity.NOT_FRESH: 8}
 """Flags of bus.h."""
@@ -255,7 +254,8 @@ class Machine:
         self.authentication: Authentication | None = None
         if layout.is_authenticated and layout.key is not None:
             self.authentication = Authentication([frame.layout.secured for frame in plan.frames], layout.key)
-        self._now, self._step = now, _Stepper(step, layout.cycle_time)
+        self._now, self._step, self._last_step = now, step, nan
+        self._navigation_taken = tuple(name for name in NAVIGATION if name in other_inputs(step))
         self._constants = dict(layout.constants)
         self._state = np.zeros(library.sb_size(pointer(plan.record)) // 8 + 1)
         self._at = pointer(plan.record), pointer(self._state)
@@ -345,7 +345,7 @@ class Machine:
             if event == _OTHER:
                 _, key, _, flags, *_ = HEAD.unpack_from(self._heard)
                 if key in self.own.keys and not flags & IS_ERROR and self.own.comes_back(key, data):
-                    self._library.sb_count(self._at[1], _OWN, ctypes.c_double(time))
+                    self.count(FrameClass.OWN, time)
                     return results
                 self._refuse(source if isinstance(source, Frame) else from_message(source, time))
                 return results
@@ -458,7 +458,7 @@ class Machine:
             kind = FrameClass.UNKNOWN_IDENTIFIER
             if key in self._unknown or len(self._unknown) < LISTED_IDENTIFIERS:
                 self._unknown[key] = self._unknown.get(key, 0) + 1
-        self._library.sb_count(self._at[1], NUMBER_OF[kind], ctypes.c_double(time))
+        self.count(kind, time)
         if self._queue is not None:
             self._queue.put(frame, True)
 
@@ -536,10 +536,7 @@ class Machine:
             self._fmu.failed(failed)
             self._use_outputs()
         elif self._fmu is None and self._n_used[0]:
-            known, navigation = self._split(self._flow)
-            strain, valid = self._strain.copy(), self._valid.copy()
-            step = self._step(strain, self._pressure[0], navigation, known, valid, self._result()[0])
-            self._give_outputs(step)
+            step = self._step_in_python()
         self._time.value = -inf if self._now is None else self._now()
         is_sent = self._conclude(self._at_bridge, self._at_time)
         time, arrival, age, uncertainty, lag, stated, sample_time, counter, silent, *verdict = self._result()
@@ -585,18 +582,27 @@ class Machine:
             if result.quality.has_coefficients:
                 result.coefficients, result.coefficients_std = values[:5], values[5:10]
 
-    def _give_outputs(self, step: Any) -> None:
-        """Give compiled code what the estimator in Python made of a cycle, None for nothing."""
-        self._is_stepped[0] = step is not None
-        if step is not None:
-            output = self._output
-            output[:5], output[5:10], output[10], output[-1] = (
-                step.coefficients,
-                step.coefficients_std,
-                step.chi_square,
-                step.health,
-            )
-            output[FIRST_OTHER:-1] = [step.other_outputs.get(name, nan) for name in self._output_names]
+    def _step_in_python(self) -> Any:
+        """Return what an estimator in Python makes of a result, and give it to compiled code; None if it refuses.
+
+        A step is the time since the last one, in whole cycles.
+        """
+        now, period = self._result()[0], self.layout.cycle_time
+        cycles = 1 if isnan(self._last_step) else round((now - self._last_step) / period)
+        self._last_step = now
+        size = period if cycles <= 1 else min(cycles, _LONGEST_STEP) * period
+        known, navigation = self._split(self._flow)
+        known |= {name: navigation[name] for name in self._navigation_taken}
+        mask = (self._valid.tobytes(),) if takes_mask(self._step) else ()
+        try:
+            step = self._step(self._strain.copy(), self._pressure[0], size, *mask, **known)
+        except StepRefused:
+            return None
+        output, self._is_stepped[0] = self._output, True
+        output[:5], output[5:10] = step.coefficients, step.coefficients_std
+        output[10], output[-1] = step.chi_square, step.health
+        output[FIRST_OTHER:-1] = [step.other_outputs.get(name, nan) for name in self._output_names]
+        return step
 
     def _frames(self, compose: Callable[..., int], *now: Any, kinds: Iterable[int]) -> list[Frame]:
         """Return the frames of these kinds, which compiled code composes."""
@@ -627,37 +633,3 @@ def _check_input(
         )
     if layout.is_authenticated and layout.key is None:
         raise InputError(f"{layout.name}: frames are authenticated, and no key is given: state it as input.key")
-
-
-class _Stepper:
-    """Steps an estimator by whole cycles of ``period`` [s]."""
-
-    def __init__(self, step: Step, period: float) -> None:
-        self._step, self._period, self._takes_mask = step, period, takes_mask(step)
-        self._navigation = tuple(name for name in NAVIGATION if name in other_inputs(step))
-        self._last: float | None = None
-
-    def __call__(
-        self,
-        strain: FloatArray,
-        pressure: float,
-        navigation: dict[str, float],
-        other_inputs: dict[str, float],
-        valid: BoolArray,
-        now: float,
-    ) -> Any:
-        """Return the outputs at ``now`` [s], None if the estimator refused."""
-        taken = {name: navigation[name] for name in self._navigation}
-        mask = (valid.tobytes(),) if self._takes_mask else ()
-        try:
-            return self._step(strain, pressure, self._size(now), *mask, **other_inputs, **taken)
-        except StepRefused:
-            return None
-
-    def _size(self, now: float) -> float:
-        """Return the time since the last step [s], in whole cycles."""
-        period, cycles = self._period, 1
-        if self._last is not None:
-            cycles = round((now - self._last) / period)
-        self._last = now
-        return period if cycles <= 1 else min(cycles, _LONGEST_STEP) * period

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from math import erf, nan, sqrt
@@ -48,6 +49,10 @@ _USUAL_STRAIN = 1e-3
 
 _MANTISSA_BITS = {16: 10, 32: 23, 64: 52}
 
+_IN_CYCLES = ("max_age", "deadline", "timeout", "invalid_after", "pressure_max_age")
+_AS_STATED = ("sensor_range", "rate_limit", "zero_jump", "period_tolerance", "burst")
+"""Limits of a plan that are settings, in cycles there or as they are."""
+
 
 class Plan:
     """The tables of an input.
@@ -83,7 +88,6 @@ class Plan:
         # The state of the sender lies ahead of the strains, because a trailer covers both.
         frames = sorted(layout.frames, key=lambda frame: _kind(frame) != _STATE)
         self.frames = frames
-        self.dynamic_pressure = dynamic_pressure
         self.bridge_alarm = settings.alarm_cycles * layout.cycle_time
         self.quantities = tuple(signal.quantity for frame in frames for signal in frame.flow)
         self._places = {name: place for place, name in enumerate(self.quantities)}
@@ -113,13 +117,11 @@ class Plan:
         self._codes = np.array([int64(code) for code in codes] or [0], dtype=np.int64)
         self._change = change_rates(layout, noise_std)
         self.slots = self._link(frames)
-        self._slots["rate"] = [settings.rate * self._shared(frame) / layout.cycle_time for frame in frames]
+        # Each frame of an identifier may come once a cycle.
+        number = Counter(frame.layout.key for frame in frames)
+        self._slots["rate"] = [settings.rate * number[frame.layout.key] / layout.cycle_time for frame in frames]
         self.record = self._record(layout, settings, dynamic_pressure, is_answered)
         self.record["first_result"], self.record["n_counters"] = counters
-
-    def _shared(self, frame: InputFrame) -> int:
-        """Return the number of frames with the identifier of ``frame``: each may come once a cycle."""
-        return sum(candidate.layout.key == frame.layout.key for candidate in self.frames)
 
     def _link(self, frames: Sequence[InputFrame]) -> dict[int, int]:
         """Chain the slots of an identifier; return the first of each."""
@@ -175,22 +177,14 @@ class Plan:
         pressure = self._places.get(DYNAMIC_PRESSURE, -1)
         values = {
             "cycle": period,
-            "max_age": settings.max_age * period,
+            **{name: getattr(settings, name) * period for name in _IN_CYCLES},
+            **{name: getattr(settings, name) for name in _AS_STATED},
             "tolerance": settings.clock_tolerance,
-            "deadline": settings.deadline * period,
-            "timeout": settings.timeout * period,
-            "invalid_after": settings.invalid_after * period,
             "alarm": settings.second_sender_cycles * period,
             "tick": dated.tick,
             "synchronised": -1.0 if settings.synchronised is None else settings.synchronised,
             "shift": settings.synchronised_shift,
-            "sensor_range": settings.sensor_range,
-            "rate_limit": settings.rate_limit,
-            "zero_jump": settings.zero_jump,
             "fixed_pressure": nan if dynamic_pressure is None else dynamic_pressure,
-            "pressure_max_age": settings.pressure_max_age * period,
-            "period_tolerance": settings.period_tolerance,
-            "burst": settings.burst,
             "n_slots": len(self.frames),
             "n_gauges": layout.n_gauges,
             "n_flow": len(self.quantities),

@@ -22,7 +22,7 @@ VERSION = 7
 """``SB_VERSION`` of the library that this file calls."""
 
 
-def _record(*fields: tuple[str, str]) -> np.dtype[Any]:
+def _record(*fields: tuple[Any, str]) -> np.dtype[Any]:
     """Return a record as a C compiler lays it out; ``fields`` are pairs of a type and the names of that type."""
     return np.dtype([(name, kind) for kind, names in fields for name in names.split()], align=True)
 
@@ -68,13 +68,10 @@ RESULT = _record(
 )
 """``SbResult``."""
 
-FRAME = np.dtype(
-    [
-        ("identifier", "u4"),
-        *((name, "i4") for name in ("is_extended", "is_fd", "length", "kind", "modulus", "first", "n_signals")),
-        ("protection", SLOT),
-    ],
-    align=True,
+FRAME = _record(
+    (_MASK, "identifier"),
+    (_WORD, "is_extended is_fd length kind modulus first n_signals"),
+    (SLOT, "protection"),
 )
 """``SentFrame``."""
 
@@ -86,20 +83,19 @@ LOGGED = np.dtype(
 )
 """``SbLogged``."""
 
-QUEUE = np.dtype([("frame", "u8"), *((name, "i8") for name in ("size", "room", "put", "taken", "lost"))])
+QUEUE = _record((_ADDRESS, "frame"), (_LONG, "size room put taken lost"))
 """``SbQueue``."""
 
-BRIDGE = np.dtype(
-    [
-        *((name, "u8") for name in ("plan", "state", "estimator", "place", "output", "frame", "signal", "source")),
-        *((name, "u8") for name in ("counter", "data", "other", "step", "value")),
-        *((name, "u8") for name in ("key", "slot", "has_come", "heard", "queue")),
-        ("last", "V136"),
-        *((name, "f8") for name in ("last_step", "pressure")),
-        *((name, "i4") for name in ("n_outputs", "n_frames", "n_others", "mask", "score", "configuration")),
-        *((name, "i4") for name in ("needs_pressure", "health", "n_gauges", "is_stepped", "n_keys")),
-        *((name, "i4") for name in ("bus_state", "send_failures", "reconnects")),
-    ]
+BRIDGE = _record(
+    (_ADDRESS, "plan state estimator place output frame signal source counter data other step value"),
+    (_ADDRESS, "key slot has_come heard queue"),
+    ("V136", "last"),
+    (_NUMBER, "last_step pressure"),
+    (
+        _WORD,
+        "n_outputs n_frames n_others mask score configuration needs_pressure health n_gauges is_stepped n_keys",
+    ),
+    (_WORD, "bus_state send_failures reconnects"),
 )
 """``SbBridge``."""
 

@@ -78,7 +78,7 @@ def run(
         clock.now += service * CYCLE
         return step(*given)  # type: ignore[arg-type]
 
-    over.core._step._step = step_slowly  # it takes time, which the machine's clock sees
+    over.core._step = step_slowly  # it takes time, which the machine's clock sees
     while True:
         while number < n_cycles and number * CYCLE <= clock.now:
             frames = encoder.encode(
