@@ -153,22 +153,26 @@ PRODUCTS(AVX512, multiply_avx512, WIDE_COLUMNS)
 
 #define MAX_SMALL 5
 
-/* Rows of vectors, n apart: x -= sum over LANES columns, `stride` apart, each times its factor. A block is read before it is
-   written, so that its lanes are computed at once. Two vectors at once take fewer loads; their number is a constant. */
+/* Rows of one vector or of two, n apart: x -= sum over LANES columns, `stride` apart, each times its factor. A block is read
+   before it is written, so that its lanes are computed at once. Two vectors take fewer loads than one after the other; their
+   number is a constant, and factors are numbers of their own, which stay in registers. */
 EVERYWHERE void subtract_columns(size_t vectors, size_t first, size_t n, const double *restrict columns, size_t stride,
                                  double factor[][LANES], double *restrict x) {
     const double *restrict c0 = columns, *restrict c1 = c0 + stride, *restrict c2 = c1 + stride,
                            *restrict c3 = c2 + stride;
+    const double *f = factor[0], *g = factor[vectors - 1];
+    const double f0 = f[0], f1 = f[1], f2 = f[2], f3 = f[3], g0 = g[0], g1 = g[1], g2 = g[2], g3 = g[3];
     for (size_t i = first; i < n; i += LANES) {
-        double rest[2][LANES];
-        for (size_t v = 0; v < vectors; v++) {
-            const double *f = factor[v];
-            for (size_t r = 0; r < LANES; r++) {
-                rest[v][r] = x[v * n + i + r] - ((f[0] * c0[i + r] + f[1] * c1[i + r]) + (f[2] * c2[i + r] + f[3] * c3[i + r]));
-            }
+        double one[LANES], other[LANES];
+        for (size_t r = 0; r < LANES; r++) {
+            one[r] = x[i + r] - ((f0 * c0[i + r] + f1 * c1[i + r]) + (f2 * c2[i + r] + f3 * c3[i + r]));
         }
-        for (size_t v = 0; v < vectors; v++) {
-            memcpy(x + v * n + i, rest[v], sizeof rest[v]);
+        for (size_t r = 0; vectors == 2 && r < LANES; r++) {
+            other[r] = x[n + i + r] - ((g0 * c0[i + r] + g1 * c1[i + r]) + (g2 * c2[i + r] + g3 * c3[i + r]));
+        }
+        memcpy(x + i, one, sizeof one);
+        if (vectors == 2) {
+            memcpy(x + n + i, other, sizeof other);
         }
     }
 }
