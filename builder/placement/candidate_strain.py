@@ -10,7 +10,7 @@ from scipy.sparse import csr_array, vstack
 
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.noise.gauge_derivatives import WALL_STEP
-from builder.inverse.noise.thermal import HARMONICS, thermal_map, thermal_properties
+from builder.inverse.noise.thermal import HARMONICS, thermal_map
 from builder.placement.pressure_basis import PressureBasis
 from builder.reporting import Progress
 from builder.structure.as_built.as_built_structure import SHIFT
@@ -21,6 +21,7 @@ from builder.structure.fourier.ring_gauges import PlacedGauges, place_gauges
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import distinct_stations, response_to_fields, station_index
 from builder.structure.loads.fourier import fourier_structure
+from builder.structure.loads.of_vehicle import load_properties
 from builder.structure.mapped_structure import mapped_fields
 from builder.structure.solid.case import SolidCase
 from builder.structure.solid.gauge_layouts import (
@@ -205,7 +206,7 @@ def _thermal(vehicle: Vehicle, mesh: MeridianMesh, gauges: PlacedGauges) -> Floa
     if vehicle.structure.support == "free_flight":
         mesh = replace(mesh, clamped_node=NO_NODES)
     solved = fourier_structure(
-        mesh, wall_of(vehicle).material, gauges, thermal_properties(entry), max_harmonic=HARMONICS
+        mesh, wall_of(vehicle).material, gauges, load_properties(vehicle), max_harmonic=HARMONICS
     )
     modes = thermal_map(vehicle, solved)
     assert modes is not None

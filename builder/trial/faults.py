@@ -200,7 +200,7 @@ class Heating(Section):
         """Return what gauges and sensors get at the end of it."""
         entry = temperature_of(vehicle)
         resolution = Resolutions(map=vehicle.resolution.truth, truth=vehicle.resolution.truth)
-        structure = thermal_structure(vehicle.model_copy(update={"resolution": resolution}), entry)
+        structure = thermal_structure(vehicle.model_copy(update={"resolution": resolution}))
         ends, rise = np.array([0.0, vehicle.body().length]), np.array([self.nose_K, self.aft_K])
         field = temperature_mode(ends, rise)
         x = np.array([sensor.x_m for sensor in entry.sensor])

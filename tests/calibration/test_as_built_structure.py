@@ -22,7 +22,9 @@ from builder.structure.fourier.fourier_model import StructuralModel
 from builder.structure.loads.applied import ApparentStrain, Load, PadForce, SurfacePressure, Weight
 from builder.structure.loads.gauge_strain import gauge_strain
 from builder.structure.loads.of_vehicle import fourier_structure_of
+from builder.structure.loads.temperature import uniform_temperature
 from builder.vehicle.file import Vehicle
+from builder.vehicle.structure.section import Temperature
 from strainfmu.errors import InputError
 
 LOADS: tuple[Load, ...] = (
@@ -83,6 +85,22 @@ def test_gauges_move_as_the_derivatives_of_the_map_say(
             for sign in (1.0, -1.0)
         )
         np.testing.assert_allclose((plus - minus) / (2.0 * step), expected, atol=1e-5 * np.abs(expected).max())
+
+
+def test_a_warm_vehicle_reads_its_expansion_less_what_gauges_cancel(
+    vehicle: Vehicle, as_built: AsBuiltStructure
+) -> None:
+    entry = Temperature(
+        expansion_um_per_m_per_K=9.0, compensation_um_per_m_per_K=8.0, apparent_strain_um_per_m=(0.2, -0.001)
+    )
+    warm, load = vehicle.model_copy(update={"temperature": entry}), uniform_temperature(5.0)
+    structure = as_built_structure(warm, LAYOUT, max_harmonic=2, known_thickness=np.zeros(as_built.n_regions))
+    expansion = gauge_strain(fourier_structure_of(warm, LAYOUT, max_harmonic=2), [load])
+    found = structure.reading(structure.exactly_built(), [load])
+    np.testing.assert_allclose(found, expansion + 1e-6 * (0.2 * 5.0 - 0.001 * 25.0), atol=1e-12)
+    assert np.median(found) == pytest.approx(1e-6 * (5.0 + 0.975), rel=0.05)
+    with pytest.raises(InputError, match=r"temperature\.expansion_um_per_m_per_K"):
+        as_built.response(load)
 
 
 @pytest.mark.slow

@@ -82,10 +82,10 @@ def test_file_gives_loads_and_how_exactly_they_are_known(tmp_path: Path) -> None
     test, notes = read_load_test(read_test_file(written(tmp_path)), GAUGES)
     assert notes == ()
     level, pad = test.cases
-    assert [type(known.load) for known in pad.loads] == [Weight, PadForce]
-    assert [known.std for known in pad.loads] == pytest.approx([0.0, 0.002])
-    assert [known.on_load_cell for known in pad.loads] == [False, True]
-    assert (pad.temperature, pad.group, level.group) == (4.0, "second day", "1")
+    assert [type(known.load) for known in pad.loads] == [Weight, PadForce, TemperatureField]
+    assert [known.std for known in pad.loads] == pytest.approx([0.0, 0.002, 0.0])
+    assert [known.on_load_cell for known in pad.loads] == [False, True, False]
+    assert (pad.group, level.group) == ("second day", "1")
     assert (test.errors.pad_position, test.errors.common) == pytest.approx((0.003, 0.005))
     load = pad.loads[1].load
     assert isinstance(load, PadForce)

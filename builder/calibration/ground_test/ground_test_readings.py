@@ -121,7 +121,6 @@ def read_load_test(file: LoadTestFile, gauge_names: tuple[str, ...]) -> tuple[Lo
             loads=case.known_loads(errors),
             reading=mean[k],
             reading_std=std[k],
-            temperature=case.temperature_K,
             group=case.zeros,
             check=case.check,
             steps=_steps_of(case, [n for n in range(len(places)) if places[n].case == k], places, mean, std),

@@ -92,7 +92,6 @@ class LoadCase:
     loads : all that act.
     reading : (n_d,) what the gauges read, zeros included [m/m]; NaN where there is none.
     reading_std : (n_d,) standard deviation of it, as of a mean over a window [m/m].
-    temperature : of the whole vehicle above the temperature of the test's zeros [K].
     group : cases of one group share the recorder's zeros.
     check : whether the case is predicted and not fitted.
     steps : readings on the way to its loads and back, in the order of time.
@@ -102,7 +101,6 @@ class LoadCase:
     loads: tuple[KnownLoad, ...]
     reading: FloatArray
     reading_std: FloatArray
-    temperature: float = 0.0
     group: str = "1"
     check: bool = False
     steps: tuple[LoadStep, ...] = ()

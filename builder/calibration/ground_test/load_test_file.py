@@ -19,6 +19,7 @@ from builder.calibration.ground_test.load_entries import NO_LOAD_CELL, AnyLoadEn
 from builder.calibration.ground_test.load_test import KnownLoad, LoadErrors
 from builder.structure.as_built_kinds import OF_LOADS
 from builder.structure.loads.applied import Load
+from builder.structure.loads.temperature import uniform_temperature
 from builder.vehicle.toml.entry_faults import Faults
 from builder.vehicle.toml.entry_limits import one_line
 from builder.vehicle.toml.reading import read_sections
@@ -116,7 +117,7 @@ class CaseEntry(RecordedEntry):
 
     A case with ``check`` is predicted and not fitted. Cases of one ``zeros`` were read with the same zeros; a
     recorder that was balanced again starts another one. ``temperature_K`` is the vehicle's above that at which its
-    zeros were taken. A case without loads is a baseline.
+    zeros were taken; it acts by the vehicle file's [temperature]. A case without loads is a baseline.
     """
 
     name: CaseName
@@ -136,6 +137,8 @@ class CaseEntry(RecordedEntry):
             default = errors.load if on_cell else 0.0
             std = default if entry.std_percent is None else 0.01 * entry.std_percent
             loads.append(KnownLoad(load=entry.load(), std=std, on_load_cell=on_cell, load_cell=entry.load_cell))
+        if self.temperature_K:
+            loads.append(KnownLoad(load=uniform_temperature(self.temperature_K), on_load_cell=False))
         return tuple(loads)
 
 

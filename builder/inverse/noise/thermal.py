@@ -9,7 +9,6 @@ import numpy as np
 from builder.inverse.noise.model import NoiseTerm, nuisance_modes
 from builder.structure.loads.fourier import FourierStructure
 from builder.structure.loads.gauge_strain import gauge_strain, gauge_temperature
-from builder.structure.loads.loaded_structure import LoadProperties
 from builder.structure.loads.of_vehicle import fourier_structure_of
 from builder.structure.loads.temperature import TemperatureField, temperature_mode
 from builder.vehicle.file import Vehicle
@@ -61,7 +60,7 @@ def thermal_map(vehicle: Vehicle, structure: FourierStructure | None = None) -> 
     if entry is None:
         return None
     if structure is None:
-        structure = thermal_structure(vehicle, entry)
+        structure = thermal_structure(vehicle)
     modes = thermal_modes(entry, vehicle.body().length)
     strain = np.column_stack([gauge_strain(structure, [mode]) for mode, _ in modes])
     x = np.array([sensor.x_m for sensor in entry.sensor])
@@ -83,19 +82,9 @@ def thermal_map(vehicle: Vehicle, structure: FourierStructure | None = None) -> 
     )
 
 
-def thermal_structure(vehicle: Vehicle, entry: Temperature) -> FourierStructure:
+def thermal_structure(vehicle: Vehicle) -> FourierStructure:
     """Return the Fourier model of the layout in use with the expansion of material and gauges."""
-    properties = thermal_properties(entry)
-    return fourier_structure_of(vehicle, vehicle.gauges.layout, properties=properties, max_harmonic=HARMONICS)
-
-
-def thermal_properties(entry: Temperature) -> LoadProperties:
-    """Return the expansion of the material, and what the gauges compensate of it."""
-    expansion = _MICRO * entry.expansion_um_per_m_per_K
-    compensation = entry.compensation_um_per_m_per_K
-    return LoadProperties(
-        expansion=expansion, compensation=expansion if compensation is None else _MICRO * compensation
-    )
+    return fourier_structure_of(vehicle, vehicle.gauges.layout, max_harmonic=HARMONICS)
 
 
 def thermal_terms(vehicle: Vehicle, thermal: ThermalMap | None) -> list[NoiseTerm]:

@@ -313,7 +313,8 @@ class AsBuiltStructure(BuiltStructure):
         constant = np.zeros(self.n_gauges)
         if isinstance(load, TemperatureField):
             temperature = load.at(self.placed.x, self.placed.roll_angle, np.zeros(self.n_gauges))
-            constant = -np.asarray(even.properties.compensation * temperature)
+            apparent = np.polynomial.polynomial.polyval(temperature, (0.0, *even.properties.apparent_strain))
+            constant = np.asarray(apparent - even.properties.compensation * temperature)
         return LoadResponse(
             table=replace(table, uneven_load=uneven_load, region_mass=region_mass),
             constant=constant,

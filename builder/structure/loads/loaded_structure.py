@@ -48,6 +48,8 @@ class LoadProperties:
     expansion : coefficient of linear expansion of the material [1/K]; None where no load needs it.
     compensation : (n_d,) or one for all: expansion [1/K] that the gauges' own temperature response cancels. A
         gauge reads strain less this times its temperature; with 0 it reads the whole strain.
+    apparent_strain : coefficients of the gauges' temperature, its square and so on, in what they read beyond that
+        [m/m, K].
     masses : point masses.
     other_densities : of the wall's further materials, in the order of the mesh [kg/m3]; None where not known.
 
@@ -60,6 +62,7 @@ class LoadProperties:
     density: float | None = None
     expansion: float | None = None
     compensation: float | FloatArray = 0.0
+    apparent_strain: tuple[float, ...] = ()
     masses: tuple[PointMass, ...] = ()
     other_densities: tuple[float | None, ...] = ()
 
@@ -90,7 +93,10 @@ class LoadProperties:
     def needed_expansion(self) -> float:
         """Return the expansion; refuse a load that needs one where there is none."""
         if self.expansion is None:
-            raise InputError("a temperature field needs the material's coefficient of expansion, none found")
+            raise InputError(
+                "a temperature field needs the expansion of the material, none found: "
+                "temperature.expansion_um_per_m_per_K"
+            )
         return self.expansion
 
 

@@ -79,10 +79,23 @@ def fourier_structure_of(
 
 
 def load_properties(vehicle: Vehicle) -> LoadProperties:
-    """Return the density of the wall's material; of a body of revolution of regions and frames, too."""
+    """Return the density of the wall's material, of a body of revolution of regions and frames, too; expansion of
+    material and gauges where the section [temperature] states it."""
     densities = other_densities(wall_of(vehicle)) if vehicle.has_meridian else ()
-    return LoadProperties(density=vehicle.material.density_kg_per_m3, other_densities=densities)
+    properties = LoadProperties(density=vehicle.material.density_kg_per_m3, other_densities=densities)
+    entry = vehicle.temperature
+    if entry is None:
+        return properties
+    expansion, compensation = entry.expansion_um_per_m_per_K, entry.compensation_um_per_m_per_K
+    return replace(
+        properties,
+        expansion=MICRO * expansion,
+        compensation=MICRO * (expansion if compensation is None else compensation),
+        apparent_strain=tuple(MICRO * coefficient for coefficient in entry.apparent_strain_um_per_m),
+    )
 
+
+MICRO = 1e-6
 
 _HARMONICS = 2
 """Highest harmonic in roll angle; the harmonic of own weight is 1."""

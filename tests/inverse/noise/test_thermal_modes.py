@@ -58,7 +58,7 @@ def thermal(vehicle: Vehicle) -> ThermalMap:
 
 
 def test_hats_of_one_kind_are_the_uniform_temperature(vehicle: Vehicle, thermal: ThermalMap) -> None:
-    structure = thermal_structure(vehicle, ENTRY)
+    structure = thermal_structure(vehicle)
     expected = gauge_strain(structure, [uniform_temperature(1.0)])
     np.testing.assert_allclose(thermal.mode_strain[:, :5].sum(axis=1), expected, atol=1e-12)
     np.testing.assert_allclose(thermal.gauge_operator[:, :5].sum(axis=1), 1.0, atol=1e-12)
