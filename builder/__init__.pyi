@@ -75,9 +75,9 @@ from builder.calibration.ground_test.candidate_cases import PlannedCase as Plann
 from builder.calibration.ground_test.load_test import LoadErrors as LoadErrors
 from builder.calibration.ground_test.load_test_file import read_test_file as read_test_file
 from builder.calibration.ground_test.ground_test_readings import read_load_test as read_load_test
-from builder.calibration.ground_test.simulated import simulate_ground_test as simulate_ground_test
-from builder.calibration.ground_test.simulated import write_ground_test as write_ground_test
-from builder.calibration.ground_test.candidate_cases import standard_load_cases as standard_load_cases
+from builder.calibration.score.simulated_test import simulate_ground_test as simulate_ground_test
+from builder.calibration.score.simulated_test import write_ground_test as write_ground_test
+from builder.calibration.score.simulated_test import standard_load_cases as standard_load_cases
 from builder.structure.as_built.as_built_structure import as_built_structure as as_built_structure
 from builder.structure.as_built.as_built_vehicle import as_built_std as as_built_std
 from builder.structure.as_built.as_built_vehicle import draw_as_built as draw_as_built

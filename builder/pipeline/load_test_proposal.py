@@ -15,8 +15,7 @@ import numpy as np
 from builder.aero.shapes import outer_surface
 from builder.calibration.ground_test.candidate_cases import LoadLimits
 from builder.calibration.ground_test.load_test import LoadErrors
-from builder.calibration.ground_test.load_test_file import WrittenCase, WrittenStep, write_load_test
-from builder.calibration.ground_test.simulated import error_entries
+from builder.calibration.ground_test.load_test_file import WrittenCase, WrittenStep, error_entries, write_load_test
 from builder.calibration.plan.kind_sigmas import established, undetermined
 from builder.calibration.plan.load_plan import (
     LoadPlan,

@@ -16,9 +16,10 @@ from builder.calibration.estimate.estimated_vehicle import usable
 from builder.calibration.estimate.ground_test_faults import calibrate_with_faults
 from builder.calibration.estimate.readings_model import PAD_STEPS, ReadingsModel
 from builder.calibration.estimate.remarks import remarks
-from builder.calibration.ground_test.candidate_cases import harmonics_of_test, pads
+from builder.calibration.ground_test.candidate_cases import harmonics_of_test
 from builder.calibration.ground_test.load_changes import common_turns, tilted
 from builder.calibration.ground_test.load_test import KnownLoad, LoadErrors
+from builder.calibration.score.simulated_test import pads
 from builder.structure.as_built.as_built_structure import AsBuiltStructure
 from builder.structure.as_built.as_built_vehicle import slices
 from builder.structure.loads.applied import Load, PadForce, PointForce, Weight

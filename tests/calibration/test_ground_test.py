@@ -17,10 +17,15 @@ from builder.calibration.ground_test.candidate_cases import (
     candidate_cases,
 )
 from builder.calibration.ground_test.ground_test_readings import read_load_test
-from builder.calibration.ground_test.load_changes import CellErrors, as_applied, moved, scaled, tilted
+from builder.calibration.ground_test.load_changes import moved, scaled, tilted
 from builder.calibration.ground_test.load_test import KnownLoad, LoadErrors
 from builder.calibration.ground_test.load_test_file import read_test_file
-from builder.calibration.ground_test.simulated import simulate_ground_test, write_ground_test
+from builder.calibration.score.simulated_test import (
+    CellErrors,
+    as_applied,
+    simulate_ground_test,
+    write_ground_test,
+)
 from builder.structure.as_built.as_built_structure import AsBuiltStructure
 from builder.structure.loads.applied import Load, PadForce, PadPressure, PointForce, SurfacePressure, Weight
 from builder.vehicle.file import IC3X, load_vehicle

@@ -16,6 +16,7 @@ from builder.calibration.estimate.ground_test_faults import calibrate_with_fault
 from builder.calibration.estimate.outside_terms import outside_model
 from builder.calibration.estimate.readings_model import ReadingsModel
 from builder.calibration.estimate.remarks import remarks, unexplained
+from builder.calibration.ground_test.load_changes import moved
 from builder.calibration.ground_test.load_test import KnownLoad, LoadCase, LoadErrors, LoadTest
 from builder.calibration.ground_test.load_test_file import read_test_file
 from builder.pipeline.load_test_proposal import write_template
@@ -62,6 +63,23 @@ def test_derivatives_are_those_of_the_readings(model: tuple[ReadingsModel, np.nd
     change = (built.readings(vector + step * direction) - built.readings(vector - step * direction)) / (2.0 * step)
     # The change by pads is that of the drawing: to first order in the load's own error.
     np.testing.assert_allclose(jacobian @ direction, change.ravel(), atol=1e-2 * np.abs(change).max())
+
+
+def test_a_pad_elsewhere_changes_what_the_wall_and_the_gauges_as_built_read(
+    model: tuple[ReadingsModel, np.ndarray],
+) -> None:
+    drawn, vector = model
+    case, known = next(pair for pair in drawn.loads if pair[1].on_load_cell)
+    elsewhere = np.where(np.arange(len(vector)) < drawn.n_built, vector, 0.0)
+    place = next(k for k, name in enumerate(drawn.names) if name.startswith("pad place ") and drawn.std[k] > 0.0)
+    elsewhere[place] = drawn.std[place]
+    acting = [one.load for one in drawn.test.cases[case].loads]
+    acting[acting.index(known.load)] = moved(known.load, along=drawn.std[place])
+    expected = drawn.structure.reading(drawn.built(elsewhere), acting)
+    by_drawing, by_vehicle = (
+        np.abs(one.readings(elsewhere)[case] - expected).max() for one in (drawn, drawn.with_pads_of(elsewhere))
+    )
+    assert by_vehicle < 0.5 * by_drawing
 
 
 def test_the_estimate_is_as_good_as_it_says(

@@ -10,9 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from builder.calibration.ground_test.candidate_cases import standard_load_cases
 from builder.calibration.ground_test.load_test import LoadErrors
-from builder.calibration.ground_test.simulated import simulate_ground_test, write_ground_test
+from builder.calibration.score.simulated_test import simulate_ground_test, standard_load_cases, write_ground_test
 from builder.campaign.snapshots import save_snapshots
 from builder.pipeline.calibrate import calibrate
 from builder.pipeline.stages import build_map, take_snapshots

@@ -237,8 +237,8 @@ def test_steps_show_hysteresis_and_return_to_zero(found: Estimate, worth: WorthO
     steps = (step(0.0, False), step(0.5, False), step(0.5, True, more=0.01), step(0.0, True, drift=2e-6))
     stepped = replace(test, cases=(replace(case, steps=steps), *test.cases[1:]))
     (one,) = stepped_cases(stepped)
-    np.testing.assert_allclose(one.hysteresis[0], 0.01 * strain, atol=6.0 * NOISE)
-    (zero,) = one.return_to_zero
+    np.testing.assert_allclose(one.change(one.same_load)[0][0], 0.01 * strain, atol=6.0 * NOISE)
+    (zero,) = one.change(one.without_load)[0]
     np.testing.assert_allclose(zero, 2e-6, atol=6.0 * NOISE)
     model = found.model.with_readings(test.readings)
     model.test = stepped

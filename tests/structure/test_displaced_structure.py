@@ -13,9 +13,9 @@ from builder.calibration.after_test.calibrated_map import calibrated_map, remain
 from builder.calibration.after_test.left_by_test import Remaining
 from builder.calibration.estimate.ground_test_faults import calibrate_with_faults
 from builder.calibration.estimate.readings_model import ReadingsModel
-from builder.calibration.ground_test.candidate_cases import LoadLimits, PlannedCase, candidate_cases
+from builder.calibration.ground_test.candidate_cases import LoadLimits, PlannedCase, candidate_cases, known_loads
 from builder.calibration.ground_test.load_test import LoadCase, LoadErrors, LoadTest
-from builder.calibration.ground_test.simulated import known_loads, simulate_ground_test
+from builder.calibration.score.simulated_test import simulate_ground_test
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
 from builder.inverse.problem import on_structure

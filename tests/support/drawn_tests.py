@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from builder.calibration.estimate.readings_model import ReadingsModel
-from builder.calibration.ground_test.candidate_cases import standard_load_cases
+from builder.calibration.ground_test.candidate_cases import known_loads
 from builder.calibration.ground_test.load_test import LoadCase, LoadErrors, LoadTest
-from builder.calibration.ground_test.simulated import known_loads
 from builder.calibration.score.ground_rows import AppliedTest
+from builder.calibration.score.simulated_test import standard_load_cases
 from builder.structure.as_built.as_built_structure import OF_MASS
 from strainfmu.arrays import FloatArray
 

@@ -1,11 +1,8 @@
 """The vehicle as built from a ground test: Gauss-Newton with priors, and Laplace's covariance.
 
-Minimises |N^-1 (d - d(theta))|^2 + |theta / sigma|^2 over the vehicle's parameters and the errors of the loads.
-
-Gauss-Newton steps to the vehicle as built, with Levenberg and Marquardt's control of their length.
-
-What falls at every step but the last is the cost |N^-1 (d - d(theta))|^2 + |theta / sigma|^2. Derivatives are
-kept while steps shrink fast, else they are renewed; a step that raises the cost with new derivatives is damped.
+Steps lower the cost |N^-1 (d - d(theta))|^2 + |theta / sigma|^2 over the vehicle's parameters and the errors of
+the loads, their length controlled as by Levenberg and Marquardt. Derivatives are kept while steps shrink fast;
+a step that raises the cost with new derivatives is damped.
 """
 
 from __future__ import annotations

@@ -5,7 +5,6 @@
 All follows from the precision 1 + rows' rows of the parameters, an arrow where readings of a gauge depend on few
 of them.
 
-
 Source: Rasmussen & Williams, Gaussian Processes for Machine Learning, sections 2.1 and 5.4.2.
 
 A symmetric positive definite matrix of an arrow's shape, by its blocks.

@@ -68,7 +68,6 @@ MOST_CAUSES = 10
 MOST_GAUGES = 0.34
 """Part of the gauges that may be at fault; more, and it is rather the loads or the vehicle."""
 
-
 MOST_AT_FAULT = 0.25
 """Part of the gauges, or of the load cases, that may be left out as faults."""
 
@@ -98,7 +97,9 @@ def _with_model_error(model: ReadingsModel) -> ReadingsModel:
 def _without_faults(model: ReadingsModel) -> tuple[Estimate, tuple[Fault, ...]]:
     """Return :func:`calibrate_with_faults`, whether its steps ended near the readings or not."""
     model, faults = _before_the_estimate(model)
-    fit = estimate(model, _left(model, faults))
+    used = _left(model, faults)
+    fit = estimate(model, used)
+    fit = estimate(fit.model.with_pads_of(fit.vector), used, start=fit.vector)
     fit, faults = _with_causes(fit, faults)
     while True:
         wrong = None if _blamed(fit.model, faults).are_many else worst_load(fit)

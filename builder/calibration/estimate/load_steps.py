@@ -78,16 +78,6 @@ class SteppedCase:
             self.reading_std[second], self.reading_std[first]
         )
 
-    @property
-    def hysteresis(self) -> FloatArray:
-        """(n, n_d) unloading less loading at the same part of the loads [m/m]; no rows where no part has both."""
-        return self.change(self.same_load)[0]
-
-    @property
-    def return_to_zero(self) -> FloatArray:
-        """(n, n_d) last reading without load minus the first [m/m]: one row, or no row where either is missing."""
-        return self.change(self.without_load)[0]
-
 
 def stepped_cases(test: LoadTest) -> list[SteppedCase]:
     """Return the cases that have steps."""

@@ -15,10 +15,9 @@ the loads show it: :mod:`builder.calibration.estimate.load_steps`.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,7 +27,15 @@ from scipy.sparse import csr_array, vstack
 from builder.calibration.estimate.cause import Cause
 from builder.calibration.estimate.gaussian import GaussianModel
 from builder.calibration.estimate.load_steps import StepParts, step_parts
-from builder.calibration.ground_test.load_changes import PLACED, cell_force, common_turns, hanging, moved, tilted
+from builder.calibration.ground_test.load_changes import (
+    DIRECTED,
+    PLACED,
+    cell_force,
+    common_turns,
+    elsewhere,
+    hanging,
+    scaled,
+)
 from builder.calibration.ground_test.load_test import LoadTest
 from builder.structure.as_built.as_built_structure import OF_MASS
 from builder.structure.as_built.as_built_vehicle import (
@@ -36,6 +43,7 @@ from builder.structure.as_built.as_built_vehicle import (
     HELD_KINDS,
     AsBuilt,
     Key,
+    StrainOfLoads,
     derivative_keys,
     of_gauges,
     parameter_names,
@@ -58,6 +66,11 @@ PAD_STEPS = {
 }
 """Steps of the differences for the place of pads and points and the direction of forces [m, rad, 1]."""
 
+SHAPE = np.eye(len(PAD_STEPS))[2]
+"""Which of these is the length of a pad."""
+
+FAR = np.array([0.02, 0.1, 0.5, 0.2, 0.2])
+"""Errors up to which pads are taken about where they stand [m, rad, 1, rad]; steps on the way may be larger."""
 
 DIRECTIONS = ("towards the tail", "around the body")
 """Turns of all forces alike: of each towards +x, and towards the axis' direction crossed with it."""
@@ -107,6 +120,21 @@ class _Kept(NamedTuple):
     vector: FloatArray
     readings: FloatArray
     jacobian: csr_array
+
+
+class _PadChanges(NamedTuple):
+    """What errors of the loads change of the readings: linear about some errors, and exact there.
+
+    Attributes
+    ----------
+    columns : of each load (5, n_d) per place, roll, shape and both tilts.
+    sizes : (n_loads, n_d) per size of all pads.
+    rest : (n_loads, n_d) what these leave of the change [m/m].
+    """
+
+    columns: list[FloatArray]
+    sizes: FloatArray
+    rest: FloatArray
 
 
 class _Derivatives:
@@ -160,13 +188,10 @@ class ReadingsModel:
             -1, 2, len(DIRECTIONS)
         )
         self.time = np.linspace(0.0, 1.0, len(test.cases))
-        self._pads = [self._checked_pad_columns(test.cases[k].name, known.load) for k, known in self.loads]
-        self._sizes = np.array(
-            [
-                self._size_column(known.load, pads[2])
-                for (_, known), pads in zip(self.loads, self._pads, strict=True)
-            ]
-        )
+        for case, known in self.loads:
+            self._refuse_unfit(test.cases[case].name, known.load)
+        none = np.zeros((len(self.loads), len(PAD_STEPS)))
+        self._pads = self._pad_changes(partial(structure.nominal_strain, structure.solved), none, 0.0)
         self._hung = [
             (k, hanging(known.load, test.cases[k], 1.0))
             for k, known in self.loads
@@ -196,6 +221,14 @@ class ReadingsModel:
     def noise_factor(self) -> float:
         """The noise that counts over what the test states [1]."""
         return float(np.prod([cause.factor for cause in self.causes if cause.where == "noise"]))
+
+    def with_pads_of(self, vector: FloatArray) -> ReadingsModel:
+        """Return the same model with what pads elsewhere and other directions change, about those of ``vector``
+        (n,), on the wall of its vehicle and by its gauges: by the drawing it errs by what tolerances multiply."""
+        model, errors = copy(self), self.errors(vector)
+        model._kept = {}
+        model._pads = self._pad_changes(self.structure.strain_near(self.built(vector)), errors.pad, errors.size)
+        return model
 
     def with_std(self, std: FloatArray) -> ReadingsModel:
         """Return the same model with other standard deviations (n,) of the vector before the test."""
@@ -426,14 +459,14 @@ class ReadingsModel:
             group = self.groups.index(case.group)
             first = where[ZERO].start if group == 0 else self.n_built + (group - 1) * n_d
             slopes.add(rows, first + gauge, 1.0)
-        pads = [columns.copy() for columns in self._pads]
+        pads = [columns.copy() for columns in self._pads.columns]
         for columns, numbers, tilt in zip(pads, strain, errors.pad[:, -2:], strict=True):
             columns[-2:] -= np.outer(tilt, numbers)
         self._load_derivatives(slopes, strain, pads)
         rig = self._rig_strains(as_built, self._weighs_rig(vector))
         readings = self._joined(strain, errors, rig)
         slopes.add(slopes.rows, self.rig_entry, rig)
-        slopes.add(slopes.rows, self.rig_entry + 1, self._summed(self._sizes))
+        slopes.add(slopes.rows, self.rig_entry + 1, self._summed(self._pads.sizes))
         slopes.add(slopes.rows, self.drift_entries.start + gauge, self.time[:, None])
         before = (readings - self._zeros(errors))[:-1]
         for entries in (self.drift_entries.stop + gauge, self.common_entries.stop - 1):
@@ -452,8 +485,9 @@ class ReadingsModel:
         return {key: slopes[:, [self._entries(key).start]].toarray().reshape(shape) for key in keys}
 
     def _joined(self, strain: FloatArray, errors: StatedErrors, rig: FloatArray) -> FloatArray:
-        moved = np.array([pad @ columns for pad, columns in zip(errors.pad, self._pads, strict=True)])
-        moved = moved.reshape(strain.shape) + errors.size * self._sizes.reshape(strain.shape)
+        pads = self._pads
+        moved = np.array([pad @ columns for pad, columns in zip(errors.pad, pads.columns, strict=True)])
+        moved = (moved + errors.size * pads.sizes + pads.rest).reshape(strain.shape)
         total = ((1.0 + errors.scale) * errors.along)[:, None] * (strain + moved)
         strain = self._summed(total) + errors.rig * rig
         strain[1:] += errors.hysteresis * strain[:-1].copy()
@@ -507,44 +541,55 @@ class ReadingsModel:
         curve = 6.0 * np.sqrt(3.0) * (1.0 - u) * (1.0 - 2.0 * u)
         return np.array([1.0, 1.0 / force, 4.0 * (1.0 - u), curve])
 
-    def _checked_pad_columns(self, case: str, load: Load) -> FloatArray:
-        """Return :meth:`_pad_columns`; a load that the structure refuses is named by its case, as it is stated."""
+    def _refuse_unfit(self, case: str, load: Load) -> None:
+        """Refuse a load that the structure cannot have, as it is stated, by the name of its case."""
         try:
             self.structure.response(load)
-            return self._pad_columns(load)
         except InputError as error:
             raise InputError(f"load case '{case}': {error}") from error
 
-    def _pad_columns(self, load: Load) -> FloatArray:
-        """Return (5, n_d) change of the readings by place, roll, shape and both tilts of a load; zeros for what it
-        does not have."""
-        changes: dict[str, Callable[[float], Load]] = {
-            "place": lambda h: moved(load, along=h),
-            "roll": lambda h: moved(load, around=h),
-            "shape": lambda h: moved(load, longer=h),
-            "first tilt": lambda h: tilted(load, first=h),
-            "second tilt": lambda h: tilted(load, second=h),
-        }
+    def _pad_changes(self, strain_of: StrainOfLoads, error: FloatArray, size: float) -> _PadChanges:
+        """Return what errors of the loads change about ``error`` (n_loads, 5), the ``size`` of all pads in it."""
+        about = error + np.outer([not isinstance(known.load, PointForce) for _, known in self.loads], SHAPE) * size
+        loads = [known.load for _, known in self.loads]
+        changes = [self._pad_columns(load, strain_of, at) for load, at in zip(loads, about, strict=True)]
+        sizes = [
+            self._size_column(load, slopes[2], strain_of) for load, (slopes, _) in zip(loads, changes, strict=True)
+        ]
+        return _PadChanges(
+            [slopes for slopes, _ in changes], np.array(sizes), np.array([rest for _, rest in changes])
+        )
 
+    def _pad_columns(
+        self, load: Load, strain_of: StrainOfLoads, error: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return (5, n_d) change of the readings by place, roll, shape and both tilts of a load about an ``error``
+        (5,) of these, zeros for what it does not have; and (n_d,) what that leaves of their change by the error.
+
+        A tilt adds to the force here; that its size stays is :attr:`StatedErrors.along`.
+        """
+        placed, tilts = isinstance(load, PLACED), isinstance(load, DIRECTED) and any(load.force)
+        has = np.array([placed, placed, placed and not isinstance(load, PointForce), tilts, tilts])
         slopes = np.zeros((len(PAD_STEPS), self.structure.n_gauges))
-        steps: dict[int, float] = {}
-        loads: list[Load] = []
-        for row, (name, changed) in enumerate(changes.items()):
-            low, high = -PAD_STEPS[name], PAD_STEPS[name]
-            if changed(high) is load:
-                continue
-            if name == "place":  # a pad at an end of the body stays on it
-                assert isinstance(load, PLACED)
-                front, aft = self.structure.outer_span
-                low, high = max(low, front - load.station), min(high, aft - load.station)
-            steps[row] = high - low
-            loads += [changed(high), changed(low)]
-        if loads:
-            strain = self.structure.nominal_strain(self.structure.solved, loads)
-            slopes[list(steps)] = (strain[::2] - strain[1::2]) / np.array(list(steps.values()))[:, None]
-        return slopes
+        if not has.any():
+            return slopes, slopes[0]
+        least, most = -FAR, FAR.copy()
+        if isinstance(load, PLACED):  # a pad at an end of the body stays on it
+            least[0], most[0] = np.clip(np.asarray(self.structure.outer_span) - load.station, -FAR[0], FAR[0])
 
-    def _size_column(self, load: Load, by_shape: FloatArray) -> FloatArray:
+        def at(change: FloatArray) -> Load:
+            possible = np.clip(change, least, most) * has
+            return scaled(elsewhere(load, possible), float(np.hypot(1.0, np.hypot(*possible[-2:]))))
+
+        rows, steps = np.flatnonzero(has), np.diag(list(PAD_STEPS.values()))
+        centre = np.clip(error, least, most)
+        ends = [centre + sign * steps[row] for row in rows for sign in (1.0, -1.0)]
+        strain, (moved_strain, stated) = np.split(strain_of([*map(at, ends), at(centre), load]), [2 * len(rows)])
+        length = np.array([np.clip(end, least, most)[row] for row, end in zip(rows.repeat(2), ends, strict=True)])
+        slopes[rows] = (strain[::2] - strain[1::2]) / (length[::2] - length[1::2])[:, None]
+        return slopes, moved_strain - stated - centre @ slopes
+
+    def _size_column(self, load: Load, by_shape: FloatArray, strain_of: StrainOfLoads) -> FloatArray:
         """Return (n_d,) change of the readings by the size of a pad, ``by_shape``, or by a point that is a pad."""
         if not isinstance(load, PointForce):
             return by_shape
@@ -556,7 +601,7 @@ class ReadingsModel:
             half_angle=PAD / radius,
             force=load.force,
         )
-        point, spread = self.structure.nominal_strain(self.structure.solved, [load, pad])
+        point, spread = strain_of([load, pad])
         return np.asarray(spread - point)
 
     def _extra_names(self) -> list[str]:
@@ -579,7 +624,7 @@ class ReadingsModel:
         zero = np.tile(self.prior.zero, len(self.groups) - 1)
         of_loads = [known.std for _, known in self.loads]
         pad = np.array([errors.pad_position, errors.pad_roll, errors.pad_shape, errors.tilt, errors.tilt])
-        of_pads = [pad * columns.any(axis=1) for columns in self._pads]
+        of_pads = [pad * columns.any(axis=1) for columns in self._pads.columns]
         stated = [errors.common, errors.cell_offset, errors.cell_curve, errors.cell_curve]
         cells, curves = np.split(np.repeat(stated, len(self.cells)) * self._on_cell.any(axis=0), 2)
         n_d, mass = len(self.prior.zero), errors.rig_mass if self._hung else 0.0

@@ -31,7 +31,6 @@ SMALLEST = 0.01
 LEADING = 3
 """Causes that a refusal names."""
 
-
 FARTHEST = 6.0
 """Standard deviations that a parameter may be from its value before the test.
 

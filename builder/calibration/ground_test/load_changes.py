@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from builder.calibration.ground_test.load_test import KnownLoad, LoadCase, LoadErrors
+from builder.calibration.ground_test.load_test import LoadCase
 from builder.structure.loads import applied
 from builder.structure.loads.applied import Load, Vector
 from builder.structure.loads.temperature import TemperatureField
@@ -70,7 +70,7 @@ def tilted(load: Load, first: float = 0.0, second: float = 0.0) -> Load:
 
     Loads without a force of a direction of their own stay as they are.
     """
-    if not isinstance(load, DIRECTED) or not any(load.force):
+    if not isinstance(load, DIRECTED) or not any(load.force) or not (first or second):
         return load
     force = np.asarray(load.force)
     size = float(np.linalg.norm(force))
@@ -78,6 +78,12 @@ def tilted(load: Load, first: float = 0.0, second: float = 0.0) -> Load:
     turned = force / size + first * across[0] + second * across[1]
     x, y, z = (size * turned / np.linalg.norm(turned)).tolist()
     return replace(load, force=(x, y, z))
+
+
+def elsewhere(load: Load, error: FloatArray) -> Load:
+    """Return a load with an ``error`` (5,) of place along and around the body, of length, and two tilts."""
+    along, around, longer, first, second = error.tolist()
+    return moved(tilted(load, first, second), along=along, around=around, longer=longer)
 
 
 def common_turns(load: Load) -> FloatArray:
@@ -141,28 +147,6 @@ def cell_force(load: Load) -> float:
     if isinstance(load, applied.PadPressure):
         return abs(load.push)
     return float(np.linalg.norm(load.force)) if isinstance(load, DIRECTED) else 0.0
-
-
-@dataclass(frozen=True, kw_only=True)
-class CellErrors:
-    """Errors of a load cell: relative gain [1], and reading without load [N]."""
-
-    gain: float = 0.0
-    offset: float = 0.0
-
-
-def as_applied(known: KnownLoad, errors: LoadErrors, cell: CellErrors, random: np.random.Generator) -> Load:
-    """Return a load with drawn errors; ``cell`` holds the errors of its load cell."""
-    size, along, around, longer, first, second = random.standard_normal(6).tolist()
-    factor, force = 1.0 + known.std * size, cell_force(known.load)
-    if known.on_load_cell:
-        factor = factor * (1.0 + cell.gain) + (cell.offset / force if force > 0.0 else 0.0)
-    return moved(
-        tilted(scaled(known.load, factor), errors.tilt * first, errors.tilt * second),
-        along=errors.pad_position * along,
-        around=errors.pad_roll * around,
-        longer=errors.pad_shape * max(longer, -3.0),
-    )
 
 
 def _times(vector: Vector, factor: float) -> Vector:

@@ -283,6 +283,14 @@ def write_load_test(
     write_bytes_atomically(path, ("\n".join(lines).lstrip("\n") + "\n").encode())
 
 
+def error_entries(errors: LoadErrors) -> dict[str, object]:
+    """Return the section [errors] of a file; a mass that is not stated is left to be filled in."""
+    entries: dict[str, object] = {
+        kind.entry: float(f"{getattr(errors, kind.name) / kind.scale:.9g}") for kind in OF_LOADS
+    }
+    return entries | {"mass_percent": None if errors.mass is None else float(f"{100.0 * errors.mass:.9g}")}
+
+
 def _toml(value: object) -> str:
     """Return a text, a number or a list as TOML has them, which is as JSON has them."""
     return json.dumps(value, ensure_ascii=False)

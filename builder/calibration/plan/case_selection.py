@@ -117,22 +117,27 @@ def no_knowledge(flight: FlightSensitivity) -> Knowledge:
 
 
 def select_cases(
-    start: Knowledge, candidates: Sequence[CaseSensitivity], count: int, progress: Progress | None = None
+    start: Knowledge,
+    candidates: Sequence[CaseSensitivity],
+    count: int,
+    progress: Progress | None = None,
+    once: bool = False,
 ) -> list[tuple[int, Knowledge]]:
     """Return ``count`` cases by their numbers, each the best next one, and what is known after each.
 
     The best one leaves the smallest product of the five sigmas. A candidate may be chosen again, which averages
-    its noise. Worths are taken to fall from case to case: a candidate whose last known worth is below one that is
-    already up to date is not worked out (lazy greedy; Minoux, 1978).
+    its noise, or ``once``, while there are any. Worths are taken to fall from case to case: a candidate whose last
+    known worth is below one that is already up to date is not worked out (lazy greedy; Minoux, 1978).
     """
     known, chosen = start, list[tuple[int, Knowledge]]()
     worth = np.full(len(candidates), np.inf)
-    for done in range(count):
+    for done in range(min(count, len(candidates)) if once else count):
         level, fresh = log_product(known.sigmas), np.zeros(len(worth), dtype=bool)
         while not fresh[best := int(np.argmax(worth))]:
             worth[best], fresh[best] = level - log_product(known.sigmas_after(candidates[best])), True
         known = known.after(candidates[best])
         chosen.append((best, known))
+        worth[best] = -np.inf if once else worth[best]
         if progress is not None:
             progress(done + 1, count)
     return chosen

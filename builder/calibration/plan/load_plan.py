@@ -17,14 +17,13 @@ from builder.calibration.ground_test.candidate_cases import (
     PlannedCase,
     attitude_cases,
     candidate_cases,
+    known_loads,
 )
 from builder.calibration.ground_test.load_changes import cell_force, scaled
 from builder.calibration.ground_test.load_test import LoadCase, LoadErrors, LoadTest
-from builder.calibration.ground_test.simulated import known_loads
 from builder.calibration.plan.case_selection import (
     CaseSensitivity,
     FlightSensitivity,
-    Knowledge,
     no_knowledge,
     select_cases,
 )
@@ -144,7 +143,7 @@ def load_plan(
     order, steps = [number for number, _ in chosen], [known, *(knowledge for _, knowledge in chosen)]
     for number in order[:repeats]:
         steps.append(steps[-1].after(bare[number]))
-    end = steps[-1]
+    end, rest = steps[-1], [k for k in range(len(bare)) if k not in order]
     prior = as_built.prior(vehicle.calibration)
     after = np.sqrt(np.diag(end.covariance)[:-1]) * prior.vector
     return LoadPlan(
@@ -156,20 +155,11 @@ def load_plan(
         exact=flight.sigmas(np.zeros_like(flight.noise_covariance)),
         candidates=len(cases),
         repeats=min(repeats, len(order)),
-        checks=tuple(cases[k] for k in _next_best(end, bare, order, checks)),
+        checks=tuple(cases[rest[k]] for k, _ in select_cases(end, [bare[k] for k in rest], checks, once=True)),
         kinds=tuple(kind_sigmas(as_built.counts, prior.vector, after)),
         noise_std=sample_std,
         samples=samples,
     )
-
-
-def _next_best(known: Knowledge, cases: Sequence[CaseSensitivity], chosen: Sequence[int], count: int) -> list[int]:
-    """Return ``count`` distinct cases other than ``chosen``, each the best next one, or as many as there are."""
-    order, remaining = list[int](), [k for k in range(len(cases)) if k not in chosen]
-    while remaining and len(order) < count:
-        ((best, known),) = select_cases(known, [cases[k] for k in remaining], 1)
-        order.append(remaining.pop(best))
-    return order
 
 
 def exactly_known_map(parts: PlanParts) -> InverseMap:

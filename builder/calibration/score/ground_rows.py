@@ -24,14 +24,13 @@ from builder.calibration.estimate.remarks import remarks, unexplained
 from builder.calibration.ground_test.load_changes import (
     DIRECTED,
     PLACED,
-    CellErrors,
-    as_applied,
     hanging,
     is_along,
     moved,
 )
 from builder.calibration.ground_test.load_test import LoadTest
 from builder.calibration.score.ground_world import BEFORE, EXACT, MAPS, GroundWorld
+from builder.calibration.score.simulated_test import CellErrors, as_applied
 from builder.structure.as_built.as_built_structure import OF_MASS
 from builder.structure.as_built.as_built_vehicle import AsBuilt
 from builder.structure.loads.applied import STANDARD_GRAVITY, Load, PadForce, Weight

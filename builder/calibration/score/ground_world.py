@@ -9,7 +9,7 @@ the others by the mean of each piece. The tables of the structure are solved onc
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -20,14 +20,14 @@ from builder.calibration.after_test.calibrated_map import calibrated_map, calibr
 from builder.calibration.after_test.left_by_test import LeftByTest, Remaining
 from builder.calibration.as_built.structure_of_test import prior_of_test, structure_of_test
 from builder.calibration.estimate.readings_model import ReadingsModel
-from builder.calibration.ground_test.candidate_cases import LoadLimits, PlannedCase, standard_load_cases
+from builder.calibration.ground_test.candidate_cases import LoadLimits, PlannedCase, known_loads
 from builder.calibration.ground_test.load_test import LoadCase, LoadErrors, LoadTest
-from builder.calibration.ground_test.simulated import known_loads
 from builder.calibration.plan.load_plan import PlanParts, load_plan, run_order
+from builder.calibration.score.simulated_test import standard_load_cases
 from builder.campaign.snapshots import Snapshots, load_snapshots, snapshots_on
 from builder.inverse.modes.ensemble import Ensemble, ensemble_of
 from builder.structure.as_built.as_built_structure import AsBuiltStructure, as_built_structure, with_surface_of
-from builder.structure.as_built.as_built_vehicle import AsBuilt, as_built_std, draw_as_built
+from builder.structure.as_built.as_built_vehicle import AsBuilt, StrainOfLoads, as_built_std, draw_as_built
 from builder.structure.as_built.response_tables import together
 from builder.structure.as_built.wall_regions import wall_regions
 from builder.structure.loads.applied import NO_VECTOR, UNIT_VECTORS, Load, PadForce
@@ -142,6 +142,11 @@ def flights_of(
     )
 
 
+@lru_cache(1)
+def _strain_near(structure: AsBuiltStructure, as_built: AsBuilt) -> StrainOfLoads:
+    return structure.strain_near(as_built)
+
+
 @dataclass(eq=False, kw_only=True)
 class GroundWorld(Shared):
     """What all tests share.
@@ -192,8 +197,8 @@ class GroundWorld(Shared):
         """Return what the gauges read (n_d,) under a load ``applied``, stated as ``stated``, without zeros [m/m].
 
         Each pad and attitude is solved once. Forces are sums of their three components, which is exact. Where a
-        pad stands elsewhere than stated, or is of another shape, the change is the change of the wall of the
-        drawing under the gauges as built.
+        pad stands elsewhere than stated, or is of another shape, the change is that of a wall as thick as the
+        vehicle's, round it in the mean, under the gauges as built.
         """
         structure = self.true_structure
         if not isinstance(applied, PadForce) or not isinstance(stated, PadForce):
@@ -201,17 +206,15 @@ class GroundWorld(Shared):
         if stated.force == NO_VECTOR or applied.force == NO_VECTOR:
             return np.zeros(structure.n_gauges)
         units = [replace(stated, force=unit) for unit in UNIT_VECTORS]
-        responses = self.once(
-            replace(stated, force=NO_VECTOR),
-            lambda: (together([structure.response(unit) for unit in units]), structure.nominal_response(units)),
+        response = self.once(
+            replace(stated, force=NO_VECTOR), lambda: together([structure.response(unit) for unit in units])
         )
-        strain, of_drawing = (
-            np.asarray(applied.force) @ structure.response_strain(as_built, response) for response in responses
-        )
-        if replace(stated, force=applied.force) == applied:
+        strain = np.asarray(applied.force) @ structure.response_strain(as_built, response)
+        in_place = replace(stated, force=applied.force)
+        if in_place == applied:
             return np.asarray(strain)
-        moved = structure.nominal_strain(as_built, (applied,))
-        return np.asarray(strain + moved[0] - of_drawing)
+        moved, unmoved = _strain_near(structure, as_built)([applied, in_place])
+        return np.asarray(strain + moved - unmoved)
 
     @cached_property
     def ensemble(self) -> Ensemble:

@@ -16,11 +16,10 @@ import numpy as np
 
 from builder.calibration.after_test.calibrated_map import calibrated_map
 from builder.calibration.after_test.left_by_test import Remaining
-from builder.calibration.ground_test.candidate_cases import standard_load_cases
 from builder.calibration.ground_test.ground_test_readings import read_load_test
 from builder.calibration.ground_test.load_test import LoadErrors
 from builder.calibration.ground_test.load_test_file import read_test_file
-from builder.calibration.ground_test.simulated import simulate_ground_test, write_ground_test
+from builder.calibration.score.simulated_test import simulate_ground_test, standard_load_cases, write_ground_test
 from builder.campaign.snapshots import load_snapshots
 from builder.figures.calibration.as_built import as_built_figure
 from builder.figures.drawing.canvas import save

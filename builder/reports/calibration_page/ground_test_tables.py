@@ -269,7 +269,7 @@ def steps_table(cases: Sequence[SteppedCase], names: Sequence[str]) -> Table:
     """Return hysteresis and return to zero of the cases with steps."""
     rows: list[list[str | float | None]] = []
     for case in cases:
-        hysteresis, zero = np.abs(case.hysteresis), case.return_to_zero
+        hysteresis, zero = np.abs(case.change(case.same_load)[0]), case.change(case.without_load)[0]
         span = float(np.nanmax(case.span))
         row: list[str | float | None] = [case.name, 1e6 * span]
         if hysteresis.size and np.isfinite(hysteresis).any():

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -293,6 +294,10 @@ def _difference(
     return np.asarray((plus - minus) / (2.0 * step))
 
 
+StrainOfLoads = Callable[[Sequence[Load]], FloatArray]
+"""Readings (n_loads, n_d) of a vehicle under each of some loads [m/m]."""
+
+
 class BuiltStructure:
     """What a structure of any make has, of which parts may differ from the drawing.
 
@@ -334,3 +339,7 @@ class BuiltStructure:
     def nominal_strain(self, parameters: AsBuilt, loads: Sequence[Load]) -> FloatArray:
         """Return the readings (n_loads, n_d) [m/m] under each of ``loads`` on the wall that was solved for."""
         return self.response_strain(parameters, self.nominal_response(loads))
+
+    def strain_near(self, parameters: AsBuilt) -> StrainOfLoads:
+        """Return what each of several loads strains, for differences between loads: readings of a vehicle."""
+        return partial(self.nominal_strain, parameters)

@@ -181,6 +181,16 @@ class WallStates:
     forces: tuple[FourierStructure, tuple[FourierStructure, ...], tuple[FourierStructure, ...]]
     station: IntArray
 
+    def with_wall(self, thickness: FloatArray) -> Adjoint:
+        """Return the nominal state with the ``thickness`` (n_t,) that multiplies :attr:`wall`."""
+        outer, low = self.nominal.outer.copy(), [part.copy() for part in self.nominal.low]
+        for size, first, second in zip(thickness, self.wall, self.wall_twice, strict=False):
+            if size != 0.0:
+                outer[: len(first.outer)] += size * (first.outer + size * second.outer)
+                for part, by_size, by_square in zip(low, first.low, second.low, strict=False):
+                    part += size * (by_size + size * by_square)
+        return Adjoint(outer=outer, low=tuple(low))
+
 
 def wall_states(
     mesh: MeridianMesh,

@@ -12,15 +12,13 @@ from pathlib import Path
 
 import numpy as np
 
-from builder.calibration.ground_test.candidate_cases import PlannedCase
-from builder.calibration.ground_test.load_changes import CellErrors, as_applied, scaled
-from builder.calibration.ground_test.load_entries import NO_LOAD_CELL, entry_of
+from builder.calibration.ground_test.candidate_cases import LoadLimits, PlannedCase, known_loads
+from builder.calibration.ground_test.load_changes import cell_force, elsewhere, scaled
 from builder.calibration.ground_test.load_test import KnownLoad, LoadErrors
-from builder.calibration.ground_test.load_test_file import WrittenCase, WrittenStep, write_load_test
+from builder.calibration.ground_test.load_test_file import WrittenCase, WrittenStep, error_entries, write_load_test
 from builder.structure.as_built.as_built_vehicle import AsBuilt
 from builder.structure.as_built.displaced_structure import AnyAsBuilt
-from builder.structure.as_built_kinds import OF_LOADS
-from builder.structure.loads.applied import Load
+from builder.structure.loads.applied import Load, PadForce, Weight
 from strainfmu.arrays import FloatArray
 from strainfmu.files import write_bytes_atomically
 
@@ -31,6 +29,24 @@ WINDOW, BETWEEN = 25, 10
 """Samples of a case while the load stands, and until the next one stands."""
 
 CHANNELS_PER_CARD = 16
+
+
+@dataclass(frozen=True, kw_only=True)
+class CellErrors:
+    """Errors of a load cell: relative gain [1], and reading without load [N]."""
+
+    gain: float = 0.0
+    offset: float = 0.0
+
+
+def as_applied(known: KnownLoad, errors: LoadErrors, cell: CellErrors, random: np.random.Generator) -> Load:
+    """Return a load with drawn errors; ``cell`` holds the errors of its load cell."""
+    size, along, around, longer, first, second = random.standard_normal(6).tolist()
+    factor, force = 1.0 + known.std * size, cell_force(known.load)
+    if known.on_load_cell:
+        factor = factor * (1.0 + cell.gain) + (cell.offset / force if force > 0.0 else 0.0)
+    error = [errors.pad_position * along, errors.pad_roll * around, errors.pad_shape * max(longer, -3.0)]
+    return elsewhere(scaled(known.load, factor), np.array([*error, errors.tilt * first, errors.tilt * second]))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -116,15 +132,6 @@ def simulate_ground_test(
     )
 
 
-def known_loads(case: PlannedCase, errors: LoadErrors) -> tuple[KnownLoad, ...]:
-    """Return the loads of a case as its file states them."""
-    on_cell = [entry_of(load)["kind"] not in NO_LOAD_CELL for load in case.loads]
-    return tuple(
-        KnownLoad(load=load, std=errors.load if is_read else 0.0, on_load_cell=is_read)
-        for load, is_read in zip(case.loads, on_cell, strict=True)
-    )
-
-
 def write_ground_test(test: GroundTest, folder: Path, name: str, vehicle: str | None = None) -> Path:
     """Write ``loadtest.toml``, ``channels.toml`` and ``loadtest.csv`` into ``folder``; return the first's path.
 
@@ -161,14 +168,6 @@ def write_ground_test(test: GroundTest, folder: Path, name: str, vehicle: str | 
     return path
 
 
-def error_entries(errors: LoadErrors) -> dict[str, object]:
-    """Return the section [errors] of a file; a mass that is not stated is left to be filled in."""
-    entries: dict[str, object] = {
-        kind.entry: _rounded(getattr(errors, kind.name) / kind.scale) for kind in OF_LOADS
-    }
-    return entries | {"mass_percent": None if errors.mass is None else _rounded(100.0 * errors.mass)}
-
-
 def _recording(
     strain: FloatArray, steps: Sequence[Sequence[SimulatedStep]]
 ) -> tuple[FloatArray, FloatArray, list[list[tuple[float, float]]]]:
@@ -194,3 +193,51 @@ def _recording(
 
 def _rounded(value: float) -> float:
     return float(f"{value:.9g}")
+
+
+STANDARD_STATIONS = (0.14, 0.28, 0.43, 0.67, 0.86)
+"""Of the pads, over the length of the body."""
+
+PUSH = 1000.0
+"""Force of a pad at the foremost station [N]; the aft half of the body takes twice as much."""
+
+STANDARD_ROLL_ANGLES = (0.0, 90.0, 180.0, 270.0, 45.0, 135.0, 225.0, 315.0)
+"""In the order in which pads are added [deg]."""
+
+
+def pads(count: int, length: float) -> list[PadForce]:
+    """Return the first ``count`` pads that press inwards on a body of ``length`` [m].
+
+    Pairs of stations and planes come first, so that few pads see the whole body already.
+    """
+    order = [(2, 0), (0, 1), (4, 1), (0, 0), (4, 0), (2, 1), (1, 0), (3, 1), (1, 1), (3, 0)]
+    order += [(k, turn) for turn in (2, 3, 4, 5, 6, 7) for k in (2, 0, 4, 1, 3)]
+    forces = []
+    for station, turn in order[:count]:
+        roll = float(np.deg2rad(STANDARD_ROLL_ANGLES[turn]))
+        push = PUSH * (1.0 if station < 3 else 2.0)
+        force = (0.0, -push * float(np.sin(roll)), -push * float(np.cos(roll)))
+        forces.append(
+            PadForce(
+                station=STANDARD_STATIONS[station] * length,
+                roll_angle=roll,
+                half_length=LoadLimits.half_length,
+                half_angle=LoadLimits.half_angle,
+                force=force,
+            )
+        )
+    return forces
+
+
+def standard_load_cases(count: int, length: float, weighs: bool = True) -> list[PlannedCase]:
+    """Return ``count`` pads, the vehicle upright, and own weight in four attitudes; where the vehicle ``weighs``
+    nothing, no load and the pads."""
+    upright = (Weight(),) if weighs else ()
+    named: list[tuple[str, tuple[Load, ...]]]
+    named = [(f"pad {number}", (pad, *upright)) for number, pad in enumerate(pads(count, length), start=1)]
+    of_weight = [
+        (f"attitude {number}", (Weight(up_roll_angle=float(np.deg2rad(roll))),))
+        for number, roll in enumerate(STANDARD_ROLL_ANGLES[:4], start=1)
+    ]
+    named = [*named, *of_weight] if weighs else [("no load", ()), *named]
+    return [PlannedCase(name=name, loads=loads) for name, loads in named]
