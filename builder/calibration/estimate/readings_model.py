@@ -223,8 +223,8 @@ class ReadingsModel:
         return float(np.prod([cause.factor for cause in self.causes if cause.where == "noise"]))
 
     def with_pads_of(self, vector: FloatArray) -> ReadingsModel:
-        """Return the same model with what pads elsewhere and other directions change, about those of ``vector``
-        (n,), on the wall of its vehicle and by its gauges: by the drawing it errs by what tolerances multiply."""
+        """Return the same model with changes by place, length and direction of loads of the vehicle and the errors
+        in ``vector`` (n,). Taken from the drawing they would be wrong by its tolerances, a few percent."""
         model, errors = copy(self), self.errors(vector)
         model._kept = {}
         model._pads = self._pad_changes(self.structure.strain_near(self.built(vector)), errors.pad, errors.size)

@@ -197,8 +197,8 @@ class GroundWorld(Shared):
         """Return what the gauges read (n_d,) under a load ``applied``, stated as ``stated``, without zeros [m/m].
 
         Each pad and attitude is solved once. Forces are sums of their three components, which is exact. Where a
-        pad stands elsewhere than stated, or is of another shape, the change is that of a wall as thick as the
-        vehicle's, round it in the mean, under the gauges as built.
+        pad stands elsewhere than stated, or is of another shape, the change is found on a wall of
+        the vehicle's mean thickness at each station, under the gauges as built.
         """
         structure = self.true_structure
         if not isinstance(applied, PadForce) or not isinstance(stated, PadForce):

@@ -263,7 +263,7 @@ class AsBuiltStructure(BuiltStructure):
         return LoadResponse(table=table, constant=np.zeros((len(loads), self.n_gauges)))
 
     def strain_near(self, parameters: AsBuilt) -> StrainOfLoads:
-        """Return what each of several loads strains on a wall as thick as the vehicle's, round it in the mean."""
+        """Return what each of several loads strains on a wall of the vehicle's mean thickness at each station."""
         nominal = self.states.with_wall(self._thickness(parameters))
         built = replace(self, states=replace(self.states, nominal=nominal))
 
