@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import radians
 from pathlib import Path
 from typing import Any
@@ -99,6 +99,7 @@ def loadtest(
     largest_strain: float = 1e-3,
     load_error: float = 0.005,
     cell_error: float = 0.005,
+    load_cells: int = 1,
     noise: float | None = None,
     samples: int = 25,
     steps: int = 2,
@@ -146,6 +147,7 @@ def loadtest(
     largest_strain : largest strain of any gauge [m/m]; loads are lowered to it.
     load_error : error of each load, 1 sigma [1].
     cell_error : error of all loads together, 1 sigma [1].
+    load_cells : load cells that the loads stand on in turn, each with ``cell_error``.
     noise : noise of one sample of the recorder, 1 sigma [m/m]. Default: the vehicle file's.
     samples : samples that a reading is the mean of.
     steps : steps of loading, and as many of unloading.
@@ -182,7 +184,7 @@ def loadtest(
         path,
         cases,
         limits,
-        errors,
+        replace(errors, common=cell_error / load_cells**0.5),  # they differ independently
         reporter,
         snapshots_path=snapshots,
         structure_path=structure,
@@ -192,7 +194,7 @@ def loadtest(
     write_proposal(plan, path, output, errors, schedule)
     picture = output.with_suffix(".png")
     save(load_plan_figure(plan, path.stem), picture)
-    lines = (*left_lines(plan), time_line(plan, schedule))
+    lines = (*left_lines(plan), *cell_lines(load_cells), time_line(plan, schedule))
     return LoadTestProposal(plan=plan, lines=lines, files=(output, picture))
 
 
@@ -270,6 +272,13 @@ def left_lines(plan: LoadPlan) -> list[str]:
         *(line for line in (established(plan.kinds), undetermined(plan.kinds)) if line),
         "the gain that all load cells have in common stays as stated",
     ]
+
+
+def cell_lines(load_cells: int) -> list[str]:
+    """Return what the file still needs where there is more than one load cell."""
+    return (
+        [] if load_cells == 1 else [f"{load_cells} load cells: name them in the file, and each load's load_cell"]
+    )
 
 
 def time_line(plan: LoadPlan, schedule: Schedule) -> str:

@@ -31,8 +31,10 @@ def with_density(folder: Path) -> Path:
 def test_proposal_lowers_sigmas_case_by_case_and_reads_back(tmp_path: Path, run: Run) -> None:
     vehicle, output = with_density(tmp_path), tmp_path / "proposed" / "loadtest.toml"
     output.parent.mkdir()
-    code, said, _ = run("loadtest", vehicle, "--cases", "3", "--roll-angles", "0,90,180", "-o", output, *NOISE)
+    rig = ("--roll-angles", "0,90,180", "--load-cells", "4")
+    code, said, _ = run("loadtest", vehicle, "--cases", "3", *rig, "-o", output, *NOISE)
     assert code == 0
+    assert "4 load cells: name them in the file" in said
     file = read_test_file(output)
     assert file.vehicle == "../vehicle/ogive.toml"
     # Four attitudes, half of three pads, one of them again and two checks, zero readings between and at the end.

@@ -124,6 +124,7 @@ OPTIONS: dict[str, dict[str, tuple[str, ...]]] = {
             "pressure",
             "axial",
             "largest_strain",
+            "load_cells",
         ),
         "Errors of the loads": ("load_error", "cell_error"),
     },

@@ -255,6 +255,7 @@ _SPELLINGS = {
     "loadtest.checks": count(0, 50),
     "loadtest.force": number(0.0, 1e7, "N"),
     "loadtest.largest_strain": number(1.0, 1e5, "um/m"),
+    "loadtest.load_cells": count(1, 100),
     "loadtest.load_error": number(0.0, 100.0, "%"),
     "loadtest.noise": number(1e-4, 1e3, "um/m"),
     "loadtest.pad_angle": number(1.0, 180.0, "deg"),
