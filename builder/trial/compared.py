@@ -36,7 +36,7 @@ from builder.manifold.nonlinear_build import with_manifold
 from builder.processors import one_thread_of_blas
 from builder.trial.bound import KNOWN, cramer_rao_bound, without_field_errors
 from builder.trial.cases import Case
-from builder.trial.conditions import drawn_altitudes_km
+from builder.trial.conditions import drawn_altitudes_km, quantities
 from builder.trial.estimators import EstimateReadings, Estimates, estimate_of, with_inputs
 from builder.trial.readings import ANGLES, Readings, World, field_errors
 from builder.truth.revolution.flow_table import FlowTable, ratio_at, truth_surface
@@ -178,8 +178,8 @@ class ComparedWorld(World):
         assert isinstance(self.flows, FlowTable)
         surface = truth_surface(self.vehicle)
         ratio = ratio_at(self.flows, conditions, surface.roll_angle)
-        ambient = np.array([condition.ambient_pressure for condition in conditions])[:, None]
-        return on_nodes(mesh_of_grid(surface), ambient * ratio, nodes)
+        ambient = quantities(conditions, STATIC_PRESSURE)
+        return on_nodes(mesh_of_grid(surface), ambient[:, None] * ratio, nodes)
 
     def learned(self, case: Case, kind: str, with_mach: bool) -> EstimateReadings:
         """Return a regression that is trained on the tables for ``case``."""

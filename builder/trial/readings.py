@@ -423,8 +423,8 @@ def read_motion(world: World, case: Case, number: int, random: np.random.Generat
         strain[np.isnan(strain).any(axis=1)] = np.nan
     known[MACH_NUMBER] = known[MACH_NUMBER] + motion.mach_drift * time
     known[STATIC_PRESSURE] = known[STATIC_PRESSURE] * (1.0 + motion.pressure_drift * time)
-    angles = np.array([[getattr(condition, name) for name in ANGLES] for condition in conditions])
-    truth, flight = np.hstack([read.truth, angles]), np.full(n, number)
+    angles = [quantities(conditions, name) for name in ANGLES]
+    truth, flight = np.column_stack([read.truth, *angles]), np.full(n, number)
     return replace(read, strain=strain, known=known, truth=truth, flight=flight, time=time, conditions=())
 
 

@@ -18,6 +18,7 @@ import numpy as np
 from builder.campaign.dask_workers import on_dask
 from builder.reporting import Reporter
 from builder.trial.cases import Case, Plan
+from builder.trial.conditions import quantities
 from builder.trial.estimators import EstimateReadings, Estimates, of_estimator, of_map, together
 from builder.trial.faults import Lost, NoSuchGaugesError
 from builder.trial.readings import (
@@ -134,7 +135,7 @@ def _tenths(case: Case, estimator: str, made: Estimates, read: Readings) -> list
     """Return a row of all loads for each tenth of the flights by each quantity that ``case`` names."""
     rows = []
     for quantity in case.tenths_by:
-        order = np.argsort([getattr(condition, quantity) for condition in read.conditions], kind="stable")
+        order = np.argsort(quantities(read.conditions, quantity), kind="stable")
         for number, flights in enumerate(np.array_split(order, min(TENTHS, len(order))), start=1):
             part = np.flatnonzero(np.isin(read.flight, flights))
             row, *loads = rows_of(COEFFICIENT_NAMES, made.rows(part), read.rows(part))

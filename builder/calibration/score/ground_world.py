@@ -34,7 +34,7 @@ from builder.structure.loads.applied import NO_VECTOR, UNIT_VECTORS, Load, PadFo
 from builder.structure.loads.loaded_structure import LoadProperties
 from builder.structure.mapped_structure import MappedStructure
 from builder.trial.cases import GroundTest, GroundTests
-from builder.trial.conditions import held_out_conditions
+from builder.trial.conditions import held_out_conditions, quantities
 from builder.trial.faults import MICRO
 from builder.trial.readings import Readings, Shared, navigation_at
 from builder.truth.revolution.flow_table import FlowTable, load_flow_table, ratio_at
@@ -42,7 +42,7 @@ from builder.vehicle.file import Vehicle
 from builder.vehicle.model_entries import Resolution
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
+from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE, STATIC_PRESSURE
 from strainfmu.estimator.map.inverse_map import InverseMap
 
 HARMONICS = 14
@@ -126,12 +126,11 @@ def flights_of(
     """Return net pressure (k, n_p) [Pa] on the nodes of ``grid`` in ``count`` held-out flights, the same for all
     seeds; and what is read there in as many ``draws`` of noise each, but for the strain."""
     conditions = held_out_conditions(vehicle, table, count, np.random.default_rng(31))
-    ambient = [condition.ambient_pressure for condition in conditions]
+    ambient, q = (quantities(conditions, name) for name in (STATIC_PRESSURE, DYNAMIC_PRESSURE))
     ratio = ratio_at(table, conditions, grid.roll_angle)
-    net, reference = np.array(ambient)[:, None] * (ratio - 1.0), vehicle.reference_quantities()
+    net, reference = ambient[:, None] * (ratio - 1.0), vehicle.reference_quantities()
     coefficients = coefficients_of(net, load_operator(grid, reference.moment_station), conditions, reference)
     flight = np.repeat(np.arange(count), draws)
-    q = np.array([condition.dynamic_pressure for condition in conditions])
     return net, Readings(
         strain=np.empty((len(flight), 0)),
         known={**navigation_at(conditions, draws), DYNAMIC_PRESSURE: q[flight]},
