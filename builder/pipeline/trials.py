@@ -470,7 +470,7 @@ def of_map(vehicle: Vehicle, inverse_map: InverseMap) -> Vehicle:
     recorded = inverse_map.provenance
     ranges = {
         quantity.column: sorted(
-            {(1e-3 if quantity.name == ALTITUDE else 1.0) * float(value) for value in recorded[key]}
+            {round((1e-3 if quantity.name == ALTITUDE else 1.0) * float(value), 9) for value in recorded[key]}
         )
         for quantity in CONDITION_QUANTITIES
         if isinstance(recorded.get(key := RECORDED_KEYS[quantity.name]), list)
