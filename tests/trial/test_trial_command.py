@@ -107,7 +107,7 @@ def test_from_vehicle_file_to_table(tmp_path: Path, run: Run, monkeypatch: pytes
     assert "bias of one gauge" not in out
     code, _, message = run("stress", "-o", folder, "--map", given)
     assert code == 2
-    assert "gauges of layout 'configuration_2', got" in message
+    assert "gauges of layout 'configuration_2': expected" in message
 
 
 @pytest.mark.fast
