@@ -30,6 +30,7 @@ from builder.vehicle.structure.section import Mass, Temperature, TemperatureSens
 from builder.vehicle.toml.toml_sections import Section
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.errors import InputError
+from strainfmu.estimator.signal_names import TEMPERATURE
 
 MICRO = 1e-6
 
@@ -200,7 +201,7 @@ class Heating(Section):
         """Return what gauges and sensors get at the end of it."""
         entry = temperature_of(vehicle)
         resolution = Resolutions(map=vehicle.resolution.truth, truth=vehicle.resolution.truth)
-        structure = thermal_structure(vehicle.model_copy(update={"resolution": resolution}))
+        structure = thermal_structure(vehicle.model_copy(update={"resolution": resolution, TEMPERATURE: entry}))
         ends, rise = np.array([0.0, vehicle.body().length]), np.array([self.nose_K, self.aft_K])
         field = temperature_mode(ends, rise)
         x = np.array([sensor.x_m for sensor in entry.sensor])
