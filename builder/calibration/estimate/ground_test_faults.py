@@ -20,7 +20,7 @@ from scipy.special import chdtrc
 from builder.calibration.estimate.case_faults import MODEL, NO_CAUSE, Fault, case_fault_after, case_faults
 from builder.calibration.estimate.cause import Cause
 from builder.calibration.estimate.causes import Evidence, freed
-from builder.calibration.estimate.estimated_vehicle import Estimate, estimate, usable
+from builder.calibration.estimate.estimated_vehicle import Estimate, estimate, minimum, usable
 from builder.calibration.estimate.readings_model import ReadingsModel, scaled_columns
 from builder.structure.as_built.as_built_structure import OF_MASS
 from builder.structure.loads.applied import load_kind
@@ -98,8 +98,8 @@ def _without_faults(model: ReadingsModel) -> tuple[Estimate, tuple[Fault, ...]]:
     """Return :func:`calibrate_with_faults`, whether its steps ended near the readings or not."""
     model, faults = _before_the_estimate(model)
     used = _left(model, faults)
-    fit = estimate(model, used)
-    fit = estimate(fit.model.with_pads_of(fit.vector), used, start=fit.vector)
+    start, *_ = minimum(model, used)
+    fit = estimate(model.with_pads_of(start), used, start)
     fit, faults = _with_causes(fit, faults)
     while True:
         wrong = None if _blamed(fit.model, faults).are_many else worst_load(fit)
