@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, TypeVar
+from typing import Any, TypeVar, Unpack
 
 from strainfmu.can.frame import FD_LENGTHS
 from strainfmu.can.frame_layout import FlowSignal, FrameLayout, InputFrame, InputLayout
-from strainfmu.can.mapping_entries import MappingEntries, signal_layout
+from strainfmu.can.mapping_entries import EstimatorInputs, MappingEntries, signal_layout
 from strainfmu.can.options import checked_cycle_time
 from strainfmu.can.signals import checked_signal
 from strainfmu.errors import InputError
@@ -34,11 +34,7 @@ def mapped_layout(
     mapping: Mapping[str, Any],
     gauge_names: Sequence[str],
     name: str,
-    sensor_names: Sequence[str] = (),
-    parameter_names: Sequence[str] = (),
-    parameter_std_names: Sequence[str] = (),
-    flow_names: Sequence[str] = (),
-    readings: Mapping[str, str] | None = None,
+    **inputs: Unpack[EstimatorInputs],
 ) -> InputLayout:
     """Return the frames that ``mapping`` names in ``database``.
 
@@ -48,21 +44,9 @@ def mapped_layout(
     mapping : tables of the mapping.
     gauge_names : gauges in the order of the FMU's strains; the mapping may also call them strain[1], strain[2] ...
     name : of the mapping, for messages.
-    sensor_names : temperature sensors of the estimator; the mapping may also call them temperature[1] ..
-    parameter_names : inputs ``parameter.NAME`` of the estimator for flow parameters.
-    parameter_std_names : inputs ``parameter_std.NAME`` for their standard deviations.
-    flow_names : other inputs of the estimator; p_inf and sigmas of navigation may be mapped to them.
-    readings : unit of each input ``sensor.NAME`` of the estimator for an auxiliary sensor, and of ``thrust``.
+    inputs : of the estimator that takes them.
     """
-    mapper = _Mapper(
-        *(database, mapping, gauge_names, name),
-        sensor_names=sensor_names,
-        parameter_names=parameter_names,
-        parameter_std_names=parameter_std_names,
-        flow_names=flow_names,
-        readings=readings or {},
-    )
-    return mapper.layout()
+    return _Mapper(database, mapping, gauge_names, name, inputs).layout()
 
 
 class _Mapper(MappingEntries):

@@ -9,7 +9,7 @@ import re
 import struct
 from collections.abc import Iterable, Mapping, Sequence
 from fnmatch import fnmatchcase
-from typing import Any
+from typing import Any, TypedDict
 
 from strainfmu.can.dbc_files import E2E_DATA_ID, E2E_PROFILE, SECOC_DATA_ID
 from strainfmu.can.frame import Protection, error_line
@@ -134,6 +134,25 @@ def _int64(number: int, signal: Any) -> int | None:
     return number if -(2**63) <= number < 2**63 else None
 
 
+class EstimatorInputs(TypedDict, total=False):
+    """Inputs of an estimator to which a mapping may map; those that are not stated it does not have.
+
+    Attributes
+    ----------
+    sensor_names : temperature sensors of the estimator; the mapping may also call them temperature[1] ..
+    parameter_names : inputs ``parameter.NAME`` of the estimator for flow parameters.
+    parameter_std_names : inputs ``parameter_std.NAME`` for their standard deviations.
+    flow_names : other inputs of the estimator; p_inf and sigmas of navigation may be mapped to them.
+    readings : unit of each input ``sensor.NAME`` of the estimator for an auxiliary sensor, and of ``thrust``.
+    """
+
+    sensor_names: Sequence[str]
+    parameter_names: Sequence[str]
+    parameter_std_names: Sequence[str]
+    flow_names: Sequence[str]
+    readings: Mapping[str, str]
+
+
 class MappingEntries:
     """The entries of one mapping, and what they name.
 
@@ -148,35 +167,32 @@ class MappingEntries:
         mapping: Mapping[str, Any],
         gauge_names: Sequence[str],
         name: str,
-        *,
-        sensor_names: Sequence[str],
-        parameter_names: Sequence[str],
-        parameter_std_names: Sequence[str],
-        flow_names: Sequence[str],
-        readings: Mapping[str, str],
+        inputs: EstimatorInputs,
     ) -> None:
         self._database, self._mapping, self._name = database, mapping, name
         self._names = tuple(gauge_names)
         self._gauges = {gauge: index for index, gauge in enumerate(gauge_names)}
         self._gauges |= {f"strain[{index + 1}]": index for index in range(len(gauge_names))}
         parameters, parameter_stds = (
-            {name.partition(".")[2]: name for name in names} for names in (parameter_names, parameter_std_names)
+            {name.partition(".")[2]: name for name in names}
+            for names in (inputs.get("parameter_names", ()), inputs.get("parameter_std_names", ()))
         )
+        self._readings, flow_names = inputs.get("readings") or {}, inputs.get("flow_names", ())
         inputs_by_table = {
-            TEMPERATURE: {name: temperature_name(k) for k, name in enumerate(sensor_names, start=1)},
-            "sensors": {name.removeprefix(SENSOR_PREFIX): name for name in readings if name != THRUST},
+            TEMPERATURE: {
+                name: temperature_name(k) for k, name in enumerate(inputs.get("sensor_names", ()), start=1)
+            },
+            "sensors": {name.removeprefix(SENSOR_PREFIX): name for name in self._readings if name != THRUST},
             "parameter": parameters,
         }
         self._others = {
-            table: {**inputs, **{name: name for name in inputs.values()}}
-            for table, inputs in inputs_by_table.items()
+            table: {**names, **{name: name for name in names.values()}} for table, names in inputs_by_table.items()
         }
         """By table of the mapping: the estimator's inputs by the names of its entries."""
         self._stds = {parameters[name]: std for name, std in parameter_stds.items() if name in parameters}
         """By input: the input for the standard deviation that may be stated next to its signal."""
         self._stds |= {quantity: std for quantity, std in FLOW_STDS.items() if std in flow_names}
         self._mapped = tuple(name for name in MAPPED_QUANTITIES if name in flow_names)
-        self._readings = readings
         self._constants: dict[str, float] = {}
         self._frames_in_use, self._with_timeout, self._signals_with_unit = set[str](), set[str](), set[str]()
         self._checked = set[str]()

@@ -75,12 +75,7 @@ FRAME = _record(
 )
 """``SentFrame``."""
 
-LOGGED = np.dtype(
-    [
-        *(("time", "f8"), ("key", "u4"), ("n", "u1"), ("flags", "u1"), ("is_received", "u1"), ("verdict", "u1")),
-        ("data", "u1", 64),
-    ]
-)
+LOGGED = _record((_NUMBER, "time"), (_MASK, "key"), ("u1", "n flags is_received verdict"), (("u1", 64), "data"))
 """``SbLogged``."""
 
 QUEUE = _record((_ADDRESS, "frame"), (_LONG, "size room put taken lost"))
@@ -100,16 +95,7 @@ BRIDGE = _record(
 """``SbBridge``."""
 
 N_CLASSES = 23
-ACCOUNT = np.dtype(
-    [
-        ("received", _LONG),
-        ("pending", _LONG),
-        ("count", _LONG, N_CLASSES),
-        ("first", _NUMBER, N_CLASSES),
-        ("last", _NUMBER, N_CLASSES),
-    ],
-    align=True,
-)
+ACCOUNT = _record((_LONG, "received pending"), ((_LONG, N_CLASSES), "count"), ((_NUMBER, N_CLASSES), "first last"))
 """``SbAccount``."""
 
 
