@@ -34,6 +34,7 @@ from builder.pipeline.gauge_growth import bench_gauges as bench_gauges
 from builder.reports.growth import bench_structure as bench_structure
 from builder.figures.flight import flight_figures as flight_figures
 from builder.reports.flight_page import write_flight_page as write_flight_page
+from builder.pipeline.recordings import estimate_recordings as estimate_recordings
 
 # Map
 from builder.pipeline.stages import build_map as build_map

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from math import isnan
 from os import PathLike
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from strainfmu.can.bus_file import read_bus
 from strainfmu.can.log_frames import is_bus_log
@@ -61,11 +61,13 @@ def estimate(
         strainfmu estimate map.h5 flight.csv -o loads.h5 --filter 10 --smooth
         strainfmu estimate estimator.fmu run.blf -o loads.h5
         strainfmu estimate map.h5 flight.csv -o loads.h5 --field pressure.vtkhdf --field-every 10
+        strainfmu estimate map.h5 flights/ -o loads.parquet --workers 2
 
     Parameters
     ----------
     source : estimator FMU, or inverse map.
-    data : CSV, HDF5, MF4, TDMS, MAT, Parquet, or a CAN log: BLF, ASC, log, MF4.
+    data : CSV, HDF5, MF4, TDMS, MAT, Parquet, or a CAN log: BLF, ASC, log, MF4; on the command line also a
+        folder.
     output : estimates to write: CSV, HDF5, Parquet or MF4.
     dynamic_pressure : dynamic pressure of the whole file [Pa], instead of its column; nan: not known.
     columns : "plain": time, loads, angles in degrees, health in words. Default: plain for CSV, all for others.
@@ -115,23 +117,53 @@ def estimate(
         return replay_described(path, source, output, described, progress)
     if bus is not None:
         raise InputError(f"{path}: --bus: expected with a CAN log, got it with columns")
-    return estimate_file(
-        source,
-        path,
+    options = column_options(
         output,
-        dynamic_pressure,
-        progress,
+        dynamic_pressure=dynamic_pressure,
+        columns=columns,
         residuals=residuals,
         ignore_columns=ignore_columns,
-        check_level=not accept_strain_level,
-        field_output=field,
-        field_every=field_every or 1,
-        channels=channels,
-        time_constant=filter_seconds,
-        smooth=smooth,
-        zeros=zeros,
+        accept_strain_level=accept_strain_level,
         accept_held=accept_held,
         exclude=exclude,
-        columns=columns or ("plain" if Path(output).suffix.lower() == ".csv" else "all"),
+        channels=channels,
         date_order=date_order,
+        filter_seconds=filter_seconds,
+        smooth=smooth,
+        zeros=zeros,
     )
+    options |= {"field_output": field, "field_every": field_every or 1}
+    return estimate_file(source, path, output, progress=progress, **options)
+
+
+def column_options(
+    output: File,
+    *,
+    columns: Literal["plain", "all"] | None = None,
+    accept_strain_level: bool = False,
+    filter_seconds: float | None = None,
+    dynamic_pressure: float | None = None,
+    residuals: bool = False,
+    ignore_columns: Sequence[str] = (),
+    accept_held: bool = False,
+    exclude: Sequence[str] = (),
+    channels: File | None = None,
+    date_order: Literal["day", "month"] | None = None,
+    smooth: bool = False,
+    zeros: File | None = None,
+) -> dict[str, Any]:
+    """Return the options of :func:`estimate` for a recording with columns, as ``estimate_file`` takes them."""
+    return {
+        "columns": columns or ("plain" if Path(output).suffix.lower() == ".csv" else "all"),
+        "check_level": not accept_strain_level,
+        "time_constant": filter_seconds,
+        "dynamic_pressure": dynamic_pressure,
+        "residuals": residuals,
+        "ignore_columns": ignore_columns,
+        "accept_held": accept_held,
+        "exclude": exclude,
+        "channels": channels,
+        "date_order": date_order,
+        "smooth": smooth,
+        "zeros": zeros,
+    }

@@ -65,11 +65,12 @@ def on_dask(
     try:
         import distributed  # noqa: F401
     except ImportError as error:
-        raise StrainfmuError("campaigns on workers need dask: pip install 'strainfmu[campaign]'") from error
+        raise StrainfmuError("work on workers needs dask: pip install 'strainfmu[campaign]'") from error
+    module = getattr(function, "func", function).__module__
     with ExitStack() as stack:
         stack.enter_context(_silence())
         if address is None:
-            client = stack.enter_context(_local_client(workers, memory_limit))
+            client = stack.enter_context(_local_client(workers, memory_limit, module))
             note(f"{workers} local processes")
         else:
             client = stack.enter_context(_remote_client(address))
@@ -110,8 +111,9 @@ def _result(future: Any, where: str) -> Any:
 
 
 @contextmanager
-def _local_client(workers: int, memory_limit: str) -> Iterator[Client]:
-    """Start worker processes that listen on loopback only, one thread each, without dashboard."""
+def _local_client(workers: int, memory_limit: str, module: str) -> Iterator[Client]:
+    """Start worker processes that listen on loopback only, one thread each, without dashboard; they begin with the
+    import of the ``module`` of their work."""
     from distributed import Client, LocalCluster
 
     with (
@@ -123,7 +125,7 @@ def _local_client(workers: int, memory_limit: str) -> Iterator[Client]:
             dashboard_address="127.0.0.1:0",  # any free port: the usual one may be another cluster's
             memory_limit=memory_limit,
             silence_logs=logging.CRITICAL,
-            preload=["builder.campaign.worker"],
+            preload=[module],
         ) as cluster,
         Client(cluster) as client,
     ):

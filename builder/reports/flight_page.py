@@ -87,9 +87,9 @@ def flight_page(summary: EstimationSummary, files: dict[str, Path]) -> Page:
         caption = "Gauges that were faulty or do not fit the others; z is the standardised residual."
         sections.append(Section("Faulty gauges", (make_table("gauges", caption, columns, rows),)))
     read = [*summary.notes]
-    if summary.missing_strains:
-        total = sum(summary.missing_strains.values())
-        read.insert(0, f"{total} strains without a value, in {len(summary.missing_strains)} gauges: left out.")
+    if summary.faults.missing:
+        total = sum(summary.faults.missing.values())
+        read.insert(0, f"{total} strains without a value, in {len(summary.faults.missing)} gauges: left out.")
     blocks: list[Block] = [origin.table()]
     blocks += [Items(tuple(read))] if read else []
     blocks += [_gaps(summary)] if summary.gaps.number else []
@@ -127,7 +127,7 @@ def _cards(summary: EstimationSummary, not_usable: int) -> tuple[tuple[str, str,
     faulty = _faulty(summary)
     known = [f"{name}: {kind} in {n} samples." for name, kind, n, *_ in faulty[:_FEW] if kind != FITS_WORST]
     known = known or [f"{name}: {kind} in {n} samples." for name, kind, n, *_ in faulty[:_FEW]]
-    if summary.faults is not None and summary.faults.dead:
+    if summary.faults.dead:
         known.append("--exclude auto leaves gauges out that stand still.")
     if summary.gaps.number:
         known.append(f"Gaps: {summary.gaps.number}, the longest of {summary.gaps.longest:.6g} s.")
@@ -166,11 +166,10 @@ def _faulty(summary: EstimationSummary) -> list[tuple[str, str, int, float, floa
     """Return gauge, fault, samples, time of the first [s] and largest |z| of each faulty gauge."""
     rows = []
     misfits, faults = summary.history.misfits, summary.faults
-    if faults is not None:
-        for kind, gauges in (("stands still", faults.dead), ("beyond any flow of the map", faults.railed)):
-            for name, fault in gauges.items():
-                largest = misfits[name].largest if name in misfits else float("nan")
-                rows.append((name, kind, fault.rows, fault.begin, largest))
+    for kind, gauges in (("stands still", faults.dead), ("beyond any flow of the map", faults.railed)):
+        for name, fault in gauges.items():
+            largest = misfits[name].largest if name in misfits else float("nan")
+            rows.append((name, kind, fault.rows, fault.begin, largest))
     named = {name for name, *_ in rows}
     ranked = sorted(misfits.items(), key=lambda item: -item[1].samples)
     blamed = {name for counts in summary.blamed.values() for name in counts}

@@ -18,7 +18,7 @@ import numpy as np
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.estimator.signal_names import ZERO
 from strainfmu.recorded.names import some_of
-from strainfmu.recorded.samples import Samples
+from strainfmu.recorded.samples import WHOLE, Part, Samples
 from strainfmu.recorded.selection import Selection, flown_pressure
 from strainfmu.recorded.strain_level import TOO_HIGH, LevelCheck
 
@@ -101,6 +101,12 @@ class FaultRows:
         if reading is not None:
             self.largest = max(self.largest, float(np.abs(reading[has_fault]).max()))
 
+    def take(self, later: FaultRows) -> None:
+        """Add rows that come later."""
+        self.begin = self.begin if self.rows else later.begin
+        self.rows += later.rows
+        self.largest = max(self.largest, later.largest)
+
 
 class RunLengths:
     """Lengths of runs of repetitions in ``n`` columns, block by block."""
@@ -132,6 +138,43 @@ class RunLengths:
 
 
 @dataclass(eq=False)
+class FaultCounts:
+    """What is counted of the strains of a recording, or of a part of it.
+
+    Attributes
+    ----------
+    rows : rows that were checked.
+    missing : number of strains without a value, by gauge, of those that are not left out.
+    railed, dead : gauges beyond what a flow gives, and gauges that repeat their reading, by name.
+    held, zero : rows in which no gauge changes, and in which all read zero.
+    known : rows with a value, by quantity of the flow.
+    level, pressure : (n_d,) level of each gauge [m/m], and largest q_inf [Pa].
+    """
+
+    rows: int = 0
+    missing: Counter[str] = field(default_factory=Counter)
+    railed: dict[str, FaultRows] = field(default_factory=dict)
+    dead: dict[str, FaultRows] = field(default_factory=dict)
+    held: FaultRows = field(default_factory=FaultRows)
+    zero: FaultRows = field(default_factory=FaultRows)
+    known: Counter[str] = field(default_factory=Counter)
+    level: FloatArray = field(default_factory=lambda: np.array(np.nan))
+    pressure: float = float("nan")
+
+    def take(self, later: FaultCounts) -> None:
+        """Add the counts of rows that come later."""
+        self.level, self.pressure = np.fmax(self.level, later.level), float(np.fmax(self.pressure, later.pressure))
+        self.rows += later.rows
+        self.missing.update(later.missing)
+        self.known.update(later.known)
+        self.held.take(later.held)
+        self.zero.take(later.zero)
+        for mine, others in ((self.railed, later.railed), (self.dead, later.dead)):
+            for name, rows in others.items():
+                mine.setdefault(name, FaultRows()).take(rows)
+
+
+@dataclass(eq=False)
 class DataChecks:
     """Checks the blocks of one file, and takes out what no gauge has measured.
 
@@ -141,8 +184,8 @@ class DataChecks:
     zero : (n_d,) or one zero that it subtracts [m/m].
     accepts_level, accepts_held : whether strains of another level, and rows that do not change, are estimated.
     leaves_out_dead : whether readings of gauges that repeat themselves are taken out.
-    missing : number of strains without a value, by gauge, of those that are not left out.
-    railed, dead : gauges beyond what a flow gives, and gauges that repeat their reading, by name.
+    part : rows of the file that count; those around them are checked and not counted.
+    counts : of these rows.
     """
 
     selection: Selection
@@ -150,9 +193,8 @@ class DataChecks:
     accepts_level: bool = False
     accepts_held: bool = False
     leaves_out_dead: bool = False
-    missing: Counter[str] = field(default_factory=Counter)
-    railed: dict[str, FaultRows] = field(default_factory=dict)
-    dead: dict[str, FaultRows] = field(default_factory=dict)
+    part: Part = WHOLE
+    counts: FaultCounts = field(default_factory=FaultCounts)
 
     def __post_init__(self) -> None:
         selection = self.selection
@@ -161,12 +203,16 @@ class DataChecks:
         self._largest_zero = float(np.max(np.abs(self.zero), initial=0.0))
         self._resolution, self._longest = inf, np.full(len(self._names), 1.0)
         self._of_gauges, self._of_rows = RunLengths(len(self._names)), RunLengths(1)
-        self._held, self._zeros = FaultRows(), FaultRows()
         self._same: BoolArray | None = None
         self._sizes: FloatArray = np.empty((0, 0))
-        self._rows, self._known = 0, Counter[str]()
+        self._place = self.part.begin
         factor, pressure = selection.strain_factor, selection.pressure_name
         self._level = LevelCheck(selection.path, self._reference, factor, not self.accepts_level, pressure)
+
+    def take(self, later: FaultCounts) -> None:
+        """Add what was counted elsewhere of rows that come later."""
+        self.counts.take(later)
+        self._level.level, self._level.pressure = self.counts.level, self.counts.pressure
 
     def notes(self) -> list[str]:
         """Return what is to be said of the whole file.
@@ -176,7 +222,8 @@ class DataChecks:
         InputError
             The level of the strains is far below the map's.
         """
-        path, excluded, repeats, zeros = self.selection.path, self.selection.excluded, self._held, self._zeros
+        path, excluded, counts = self.selection.path, self.selection.excluded, self.counts
+        repeats, zeros = counts.held, counts.zero
         ahead = [f"{path}: left out by --exclude: {', '.join(excluded)}"] if excluded else []
         ahead, notes = [*ahead, *self._level.notes()], list[str]()
         if repeats.rows:
@@ -190,7 +237,7 @@ class DataChecks:
                 f"all gauges read exactly zero in {zeros.rows} rows, the first at {zeros.begin:g} s: left out"
             )
         railed, dead = (
-            sorted(faults.items(), key=lambda item: -item[1].rows) for faults in (self.railed, self.dead)
+            sorted(faults.items(), key=lambda item: -item[1].rows) for faults in (counts.railed, counts.dead)
         )
         notes += [
             f"'{name}' reads {1e6 * fault.largest:.6g} um/m, which no flow of the map gives, in {fault.rows} "
@@ -206,14 +253,14 @@ class DataChecks:
             more = f", and {len(dead) - _NAMED} other gauges" if len(dead) > _NAMED else ""
             advice = f"--exclude {','.join(name for name, _ in dead)}, or --exclude auto, leaves them out"
             notes.append(
-                f"gauges that stand still while others change, of {self._rows} rows: {shown}{more}: "
+                f"gauges that stand still while others change, of {counts.rows} rows: {shown}{more}: "
                 f"{'left out there by --exclude auto' if self.leaves_out_dead else advice}"
             )
-        slow = {name: known for name, known in self._known.items() if 1 < known < _SLOW * self._rows}
+        slow = {name: known for name, known in counts.known.items() if 1 < known < _SLOW * counts.rows}
         if slow and self.selection.channel_map is None:
             shown = some_of([f"{name} ({known})" for name, known in slow.items()])
             notes.append(
-                f"values in few of {self._rows} rows: {shown}; the others have none. --channels channels.toml "
+                f"values in few of {counts.rows} rows: {shown}; the others have none. --channels channels.toml "
                 "interpolates slower channels at the times of the strains"
             )
         return [*ahead, *(f"{path}: {note}" for note in notes)]
@@ -226,19 +273,21 @@ class DataChecks:
         InputError
             The level of the strains is far above the map's.
         """
+        is_first, self._place = not self._place, self._place + len(block.time)
+        counts = self.counts if self.part.holds(self._place) else FaultCounts()
         same = repeated(block.strain, np.full(len(self._names), inf)) if self._same is None else self._same
         same_next = same[:0] if following is None else repeated(following.strain, block.strain[-1])
         self._same, strain, known = same_next, block.strain, np.isfinite(block.strain)
         if not known.all():
             missing = zip(self._names, (len(known) - np.count_nonzero(known, axis=0)).tolist(), strict=True)
-            self.missing.update({name: k for name, k in missing if k and name not in self.selection.excluded})
+            counts.missing.update({name: k for name, k in missing if k and name not in self.selection.excluded})
         self._find_resolution(strain[:_SAMPLED][known[:_SAMPLED]])
         has_values, longest = known.any(axis=1), self._longest
         zero = has_values & _is_zero(strain) & ~(block.dynamic_pressure <= 0.0)
         of_rows, next_rows = np.asarray(same.all(axis=1)), np.asarray(same_next.all(axis=1))
         row_same = of_rows & has_values
         runs = self._of_rows.take(row_same[:, None], next_rows[:, None])[:, 0]
-        if not self._rows:  # nothing shows that the first row of the file is new
+        if is_first:  # nothing shows that the first row of the file is new
             row_same[0] = True
         is_held = row_same & ~zero & (runs >= _longest_of_all(longest[known.any(axis=0)]))
         alone, following_alone = same & known & ~of_rows[:, None], same_next & ~next_rows[:, None]
@@ -254,11 +303,13 @@ class DataChecks:
             is_sound = ~(zero | is_held)[:, None]
             railed = self._is_railed(strain, size, bearable, stands_still) & is_sound
             dead = stands_still & known & ~railed & is_sound
-        self._rows += len(block.time)
-        marked = self._marked(block, is_held=is_held, zero=zero, railed=railed, dead=dead)
-        self._level.add(size if marked.strain is strain else self._size(marked.strain), flown)
+        counts.rows += len(block.time)
+        marked = self._marked(block, counts, is_held=is_held, zero=zero, railed=railed, dead=dead)
+        if counts is self.counts:
+            self._level.add(size if marked.strain is strain else self._size(marked.strain), flown)
+            counts.level, counts.pressure = self._level.level, self._level.pressure
         for name, values in block.flow.items():
-            self._known[name] += int(np.isfinite(values).sum())
+            counts.known[name] += int(np.isfinite(values).sum())
         return marked
 
     def _size(self, strain: FloatArray) -> FloatArray:
@@ -268,11 +319,18 @@ class DataChecks:
         return np.abs(strain - self.zero if self._largest_zero else strain, out=self._sizes)
 
     def _marked(
-        self, block: Samples, *, is_held: BoolArray, zero: BoolArray, railed: BoolArray, dead: BoolArray
+        self,
+        block: Samples,
+        counts: FaultCounts,
+        *,
+        is_held: BoolArray,
+        zero: BoolArray,
+        railed: BoolArray,
+        dead: BoolArray,
     ) -> Samples:
         """Return ``block`` without strains of rows (n,) and of gauges (n, n_d) with a fault; count them."""
         time, strain = block.time, block.strain
-        for kinds, faults in ((self.railed, railed), (self.dead, dead)):
+        for kinds, faults in ((counts.railed, railed), (counts.dead, dead)):
             for gauge in np.flatnonzero(faults.any(axis=0)).tolist():
                 rows = kinds.setdefault(self._names[gauge], FaultRows())
                 rows.add(time, faults[:, gauge], strain[:, gauge])
@@ -280,8 +338,8 @@ class DataChecks:
             railed = railed | dead
         if not (is_held.any() or zero.any() or railed.any()):
             return replace(block, faults=("",) * len(time))
-        self._held.add(time, is_held)
-        self._zeros.add(time, zero)
+        counts.held.add(time, is_held)
+        counts.zero.add(time, zero)
         texts = [HELD if h else ZERO if z else "" for h, z in zip(is_held.tolist(), zero.tolist(), strict=True)]
         for row in np.flatnonzero(railed.any(axis=1)).tolist():
             texts[row] = ";".join(self._names[gauge] for gauge in np.flatnonzero(railed[row]))

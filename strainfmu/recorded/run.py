@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from contextlib import ExitStack, nullcontext
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager, nullcontext
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -16,9 +16,9 @@ from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE, MACH_NUMBER, Q_SOUR
 from strainfmu.interface.health_names import STATE
 from strainfmu.recorded import outputs
 from strainfmu.recorded.checks import DataChecks
-from strainfmu.recorded.estimators import open_estimator
+from strainfmu.recorded.estimators import BlockEstimator, open_estimator
 from strainfmu.recorded.recorder_errors import RecorderWatch
-from strainfmu.recorded.samples import open_recording
+from strainfmu.recorded.samples import WHOLE, Part, Recording, open_recording
 from strainfmu.recorded.summary import EstimationSummary
 from strainfmu.text_cells import DateOrder
 
@@ -48,6 +48,7 @@ def estimate_file(
     exclude: Sequence[str] = (),
     columns: Literal["plain", "all"] = "all",
     date_order: DateOrder | None = None,
+    part: Part = WHOLE,
 ) -> EstimationSummary:
     """Estimate every sample of ``data`` with the FMU or map ``source`` and write ``output``.
 
@@ -60,6 +61,7 @@ def estimate_file(
         as :func:`strainfmu.estimate` takes them; so are ``ignore_columns``, ``field_every`` and ``accept_held``.
     check_level : whether to refuse strains whose level is so far from the map's that their unit must be another.
     field_output, time_constant : ``field`` and ``filter_seconds`` of :func:`strainfmu.estimate`.
+    part : rows to estimate. Of a part the notes are those of its own samples alone.
 
     Raises
     ------
@@ -72,16 +74,102 @@ def estimate_file(
     outputs.check_output(output)
     if output.exists() and any(path.exists() and output.samefile(path) for path in (source, data)):
         raise InputError(f"{output}: expected another file than those that are read")
-    zeros = None if zeros is None else Path(zeros)
-    with open_estimator(
-        source, zeros, time_constant=time_constant, smooth=smooth, residuals=residuals
-    ) as estimator:
-        if field_every < 1:
-            raise InputError(f"--field-every: expected at least 1, got {field_every}")
+    if field_every < 1:
+        raise InputError(f"--field-every: expected at least 1, got {field_every}")
+    if field_output is not None and time_constant is not None:
+        raise InputError("--field: expected none with --filter, which does not filter the pressure field")
+    with opened(
+        source,
+        data,
+        dynamic_pressure,
+        residuals=residuals,
+        ignore_columns=ignore_columns,
+        check_level=check_level,
+        channels=channels,
+        time_constant=time_constant,
+        smooth=smooth,
+        zeros=zeros,
+        accept_held=accept_held,
+        exclude=exclude,
+        date_order=date_order,
+        part=part,
+    ) as (estimator, recording, checks, notes):
         if field_output is not None:
-            if time_constant is not None:
-                raise InputError("--field: expected none with --filter, which does not filter the pressure field")
             outputs.check_field_output(Path(field_output), estimator.inverse_map, source)
+        selection = recording.selection
+        summary = EstimationSummary(unused=selection.unused, faults=checks.counts, gaps=recording.gaps)
+        names = outputs.output_columns(selection.stated, estimator.other_columns)
+        is_plain, watch = columns == "plain", RecorderWatch(data, estimator)
+        written = outputs.plain_columns(names) if is_plain else {name: (name, unit) for name, unit in names}
+        texts = outputs.PLAIN_TEXTS if is_plain else outputs.TEXTS
+        with ExitStack() as stack:
+            writer = stack.enter_context(
+                outputs.estimate_writer(output, [*written.values()], texts, estimator.attributes)
+            )
+            series = stack.enter_context(
+                nullcontext()
+                if field_output is None or estimator.inverse_map is None
+                else outputs.field_series_writer(Path(field_output), estimator.inverse_map, field_every)
+            )
+            place = part.begin
+            for block, estimates in estimator.estimated(recording.blocks, checks.checked):
+                place += len(block.time)
+                if not part.holds(place):
+                    continue
+                values = {"time": block.time, **block.flow, **estimates.values}
+                shown = [
+                    np.degrees(values[name]) if unit == "deg" else values[name]
+                    for name, (_, unit) in written.items()
+                ]
+                if is_plain:
+                    writer.write([*shown, outputs.health_words(values[STATE])])
+                else:
+                    writer.write([*shown, estimates.suspects, block.faults])
+                summary.add(block, estimates)
+                watch.add(block, estimates.values[STATE])
+                if series is not None and estimates.estimates is not None:
+                    series.write((block.time, estimates.estimates))
+                if progress is not None:
+                    progress(block.position, recording.length)
+            summary.fields = 0 if series is None else -(-summary.samples // field_every)
+            summary.notes += watch.notes()
+            if part == WHOLE:
+                summary.notes = [*recording.notes, *notes, *checks.notes(), *summary.notes]
+    return summary
+
+
+class Opened(NamedTuple):
+    """An estimator and a recording that it can estimate, the checks of its strains, and lines for the user."""
+
+    estimator: BlockEstimator
+    recording: Recording
+    checks: DataChecks
+    notes: list[str]
+
+
+@contextmanager
+def opened(
+    source: Path,
+    data: Path,
+    dynamic_pressure: float | None = None,
+    *,
+    residuals: bool = False,
+    ignore_columns: Sequence[str] = (),
+    check_level: bool = True,
+    channels: str | PathLike[str] | None = None,
+    time_constant: float | None = None,
+    smooth: bool = False,
+    zeros: str | PathLike[str] | None = None,
+    accept_held: bool = False,
+    exclude: Sequence[str] = (),
+    date_order: DateOrder | None = None,
+    part: Part = WHOLE,
+) -> Iterator[Opened]:
+    """Open an estimator and a recording; parameters and errors as :func:`estimate_file` has them."""
+    of_gauges = None if zeros is None else Path(zeros)
+    with open_estimator(
+        source, of_gauges, time_constant=time_constant, smooth=smooth, residuals=residuals
+    ) as estimator:
         if channels is not None and ignore_columns:
             raise InputError(f"{data}: --ignore-columns: expected none with --channels, which names what is read")
         wanted = replace(
@@ -93,61 +181,35 @@ def estimate_file(
         )
         if dynamic_pressure is not None and np.isnan(dynamic_pressure) and not wanted.navigates:
             raise InputError(f"{source}: --dynamic-pressure: expected a pressure for a linear estimator, got nan")
-        with open_recording(data, wanted, None if channels is None else Path(channels)) as recording:
-            selection = recording.selection
+        with open_recording(data, wanted, None if channels is None else Path(channels), part) as recording:
             checks = DataChecks(
-                selection,
+                recording.selection,
                 zero=estimator.zero,
                 accepts_level=not check_level,
                 accepts_held=accept_held,
                 leaves_out_dead=AUTO in exclude,
+                part=part,
             )
-            notes = list[str]()
-            if missing := [name for name in selection.stated if name not in estimator.inputs]:
-                notes.append(f"{data}: {', '.join(missing)}: written but not used, {source} does not take them")
-            if zeros is None and estimator.zero.any():
-                rms = 1e6 * float(np.sqrt(np.mean(estimator.zero**2)))
-                notes.append(
-                    f"{source}: its calibration's zero offsets are subtracted, {rms:.3g} um/m rms; --zeros states "
-                    "others"
-                )
-            if Q_SOURCE not in selection.flow and {DYNAMIC_PRESSURE, MACH_NUMBER} <= selection.flow.keys():
-                notes.append(
-                    f"{data}: dynamic_pressure: counts as computed from mach_number, so that it confirms nothing; "
-                    f"where it is measured, a column {Q_SOURCE} of {QSource.INDEPENDENT:d} makes sigma of the "
-                    "coefficients smaller"
-                )
-            summary = EstimationSummary(unused=selection.unused, faults=checks, gaps=recording.gaps)
-            names = outputs.output_columns(selection.stated, estimator.other_columns)
-            is_plain, watch = columns == "plain", RecorderWatch(data, estimator)
-            written = outputs.plain_columns(names) if is_plain else {name: (name, unit) for name, unit in names}
-            texts = outputs.PLAIN_TEXTS if is_plain else outputs.TEXTS
-            with ExitStack() as stack:
-                writer = stack.enter_context(
-                    outputs.estimate_writer(output, [*written.values()], texts, estimator.attributes)
-                )
-                series = stack.enter_context(
-                    nullcontext()
-                    if field_output is None or estimator.inverse_map is None
-                    else outputs.field_series_writer(Path(field_output), estimator.inverse_map, field_every)
-                )
-                for block, estimates in estimator.estimated(recording.blocks, checks.checked):
-                    values = {"time": block.time, **block.flow, **estimates.values}
-                    shown = [
-                        np.degrees(values[name]) if unit == "deg" else values[name]
-                        for name, (_, unit) in written.items()
-                    ]
-                    if is_plain:
-                        writer.write([*shown, outputs.health_words(values[STATE])])
-                    else:
-                        writer.write([*shown, estimates.suspects, block.faults])
-                    summary.add(block, estimates)
-                    watch.add(block, estimates.values[STATE])
-                    if series is not None and estimates.estimates is not None:
-                        series.write((block.time, estimates.estimates))
-                    if progress is not None:
-                        progress(block.position, recording.length)
-                summary.missing_strains = checks.missing
-                summary.fields = 0 if series is None else -(-summary.samples // field_every)
-                summary.notes += [*recording.notes, *notes, *checks.notes(), *watch.notes()]
-    return summary
+            notes = _notes(source, data, estimator, recording, has_zeros=zeros is not None)
+            yield Opened(estimator, recording, checks, notes)
+
+
+def _notes(
+    source: Path, data: Path, estimator: BlockEstimator, recording: Recording, *, has_zeros: bool
+) -> list[str]:
+    """Return lines on what the estimator takes of the recording, and what it takes it for."""
+    selection, notes = recording.selection, list[str]()
+    if missing := [name for name in selection.stated if name not in estimator.inputs]:
+        notes.append(f"{data}: {', '.join(missing)}: written but not used, {source} does not take them")
+    if not has_zeros and estimator.zero.any():
+        rms = 1e6 * float(np.sqrt(np.mean(estimator.zero**2)))
+        notes.append(
+            f"{source}: its calibration's zero offsets are subtracted, {rms:.3g} um/m rms; --zeros states others"
+        )
+    if Q_SOURCE not in selection.flow and {DYNAMIC_PRESSURE, MACH_NUMBER} <= selection.flow.keys():
+        notes.append(
+            f"{data}: dynamic_pressure: counts as computed from mach_number, so that it confirms nothing; where "
+            f"it is measured, a column {Q_SOURCE} of {QSource.INDEPENDENT:d} makes sigma of the coefficients "
+            "smaller"
+        )
+    return notes

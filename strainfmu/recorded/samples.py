@@ -7,6 +7,7 @@ with its length.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -44,6 +45,26 @@ _SAME = 1e-3
 """Distance from a sample, in periods, that is none."""
 
 _GAPS_LISTED = 20
+
+
+class Part(NamedTuple):
+    """Rows of a recording: from ``first`` up to ``stop``, counted from 0.
+
+    Rows from ``begin`` on lead in, and the block behind the last row is read too: what an estimate of a part takes
+    from its neighbours. All three are whole pieces of a recording that states its rows.
+    """
+
+    begin: int = 0
+    first: int = 0
+    stop: int = sys.maxsize
+
+    def holds(self, place: int) -> bool:
+        """Return whether a row, counted from 1 as places of a frame are, is one of the part itself."""
+        return self.first < place <= self.stop
+
+
+WHOLE = Part()
+"""All rows of any recording."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,11 +110,14 @@ class Gaps:
 
     Attributes
     ----------
+    where, counted : file and column of the times, and what its places are, ``row`` or ``line``.
     period : median time between samples of the first block [s].
     number, longest, behind : gaps, length of the longest [s], and the row or line ahead of it.
     first : begin and length [s] of the first gaps.
     """
 
+    where: str = ""
+    counted: str = "row"
     period: float = float("nan")
     number: int = 0
     longest: float = 0.0
@@ -102,10 +126,13 @@ class Gaps:
     _last: float = float("nan")
     _place: int = 0
 
-    def add(self, time: FloatArray, places: IntArray) -> None:
-        """Take the times of the next samples, and their rows or lines."""
+    def add(self, time: FloatArray, places: IntArray, *, is_counted: bool = True) -> None:
+        """Take the times of the next samples, and their rows or lines; count the gaps ahead of each."""
         if np.isnan(self.period) and len(time) > 1:
             self.period = float(np.median(np.diff(time)))
+        if not is_counted:
+            self._last, self._place = float(time[-1]), int(places[-1])
+            return
         ahead = np.append(self._place, places[:-1])
         before = np.append(self._last if np.isfinite(self._last) else time[0], time[:-1])
         steps = time - before
@@ -119,6 +146,24 @@ class Gaps:
             del self.first[_GAPS_LISTED:]
         self._last, self._place = float(time[-1]), int(places[-1])
 
+    def take(self, later: Gaps) -> None:
+        """Add the gaps of samples that come later."""
+        self.period = later.period if np.isnan(self.period) else self.period
+        if later.longest > self.longest:
+            self.longest, self.last_place = later.longest, later.last_place
+        self.number += later.number
+        self.first = [*self.first, *later.first][:_GAPS_LISTED]
+
+    def notes(self) -> list[str]:
+        """Return a line for the user where there are gaps."""
+        if not self.number:
+            return []
+        many = f"{self.number} gaps, the longest of" if self.number > 1 else "a gap of"
+        return [
+            f"{self.where}: {many} {self.longest:.6g} s behind {self.counted} {self.last_place}; samples are "
+            f"{self.period:.6g} s apart"
+        ]
+
 
 @dataclass(eq=False, kw_only=True)
 class Recording:
@@ -129,18 +174,22 @@ class Recording:
     selection : what is read of it.
     blocks : its samples.
     length : position at the end.
+    rows : number of rows, where it can be read from any row on; None of a text, and of several rasters.
     notes : lines for the user, complete when the blocks have been read; so are ``gaps``.
     """
 
     selection: Selection
     blocks: Iterator[Samples]
     length: int
+    rows: int | None
     notes: list[str]
     gaps: Gaps
 
 
 @contextmanager
-def open_recording(path: Path, wanted: Wanted, channels: Path | None = None) -> Iterator[Recording]:
+def open_recording(
+    path: Path, wanted: Wanted, channels: Path | None = None, part: Part = WHOLE
+) -> Iterator[Recording]:
     """Open recorded strains for reading block by block; ``channels`` states which channel is which gauge.
 
     Raises
@@ -161,7 +210,7 @@ def open_recording(path: Path, wanted: Wanted, channels: Path | None = None) -> 
         time=(channel_map.time if channel_map else None) or "",
     )
     with open_table(path, reading) as table:
-        yield _recording(select(table, wanted, channel_map))
+        yield _recording(select(table, wanted, channel_map), part)
 
 
 def _known_names(channel_map: ChannelMap, wanted: Wanted) -> Callable[[str], bool]:
@@ -173,30 +222,32 @@ def _known_names(channel_map: ChannelMap, wanted: Wanted) -> Callable[[str], boo
     return lambda name: not known.isdisjoint(endings(name)) or time_rank(name) is not None
 
 
-def _recording(selection: Selection) -> Recording:
-    table, (base, tracks) = selection.table, _tracks(selection)
-    join, gaps = selection.channel_map.join if selection.channel_map else Join(), Gaps()
+def _recording(selection: Selection, part: Part) -> Recording:
+    table, (base, tracks) = selection.table, _tracks(selection, part.begin)
+    join = selection.channel_map.join if selection.channel_map else Join()
     frame, time_column = table.frames[base.frame], selection.times[base.frame][0]
+    time = "time" if time_column is None else frame.columns[time_column].name
+    gaps = Gaps(f"{table.path}: column '{time}'", frame.counted)
     table.remarks.extend(_join_notes(table.path, base, tracks, join))
     keys = (*base.keys, *(key for track in tracks for key in track.keys))
 
     def blocks() -> Iterator[Samples]:
-        while len((rows := base.next_rows()).time):
-            parts = [rows.values, *(track.values_at(rows.time, join) for track in tracks)]
-            gaps.add(rows.time, rows.places)
-            values = np.hstack(parts) if tracks else rows.values
+        place = 0
+        while place <= part.stop and len((rows := base.next_rows()).time):
+            columns = [rows.values, *(track.values_at(rows.time, join) for track in tracks)]
+            place = int(rows.places[-1])
+            gaps.add(rows.time, rows.places, is_counted=part == WHOLE or part.holds(place))
+            values = np.hstack(columns) if tracks else rows.values
             yield _samples(selection, keys, rows._replace(values=values), frame.counted)
         if not base.position:
             raise InputError(f"{table.path}: no samples found")
-        if gaps.number:
-            many = f"{gaps.number} gaps, the longest of" if gaps.number > 1 else "a gap of"
-            time = "time" if time_column is None else frame.columns[time_column].name
-            table.remarks.append(
-                f"{table.path}: column '{time}': {many} {gaps.longest:.6g} s behind {frame.counted} "
-                f"{gaps.last_place}; samples are {gaps.period:.6g} s apart"
-            )
+        if part == WHOLE:
+            table.remarks.extend(gaps.notes())
 
-    return Recording(selection=selection, blocks=blocks(), length=frame.length, notes=table.remarks, gaps=gaps)
+    rows = None if tracks or base.is_sparse else frame.rows
+    return Recording(
+        selection=selection, blocks=blocks(), length=frame.length, rows=rows, notes=table.remarks, gaps=gaps
+    )
 
 
 # --- rows of frames as tracks, each with times of its own ------------------------------------------------------
@@ -211,12 +262,14 @@ class _Rows(NamedTuple):
     position: int
 
 
-def _frame_rows(selection: Selection, number: int, sources: Sequence[Source]) -> Iterator[_Rows]:
-    """Yield the rows of some columns of a frame, in SI units, piece by piece; refuse values that are infinite."""
+def _frame_rows(selection: Selection, number: int, sources: Sequence[Source], begin: int) -> Iterator[_Rows]:
+    """Yield the rows of some columns of a frame from one on, in SI units, piece by piece; refuse infinite ones."""
     path, frame, (time_column, factor) = selection.path, selection.table.frames[number], selection.times[number]
     columns = [source.column.place[1] for source in sources]
-    read, last = 0, -np.inf
-    for places, values, position in frame.pieces(columns if time_column is None else [time_column, *columns]):
+    read, last = begin, -np.inf
+    for places, values, position in frame.pieces(
+        columns if time_column is None else [time_column, *columns], begin
+    ):
         n = len(places)
         time = np.arange(read, read + n) / factor
         if time_column is not None:
@@ -374,10 +427,11 @@ class _Track:
         return np.where(np.abs(weight - 1.0) <= near, values[row + 1], joined)
 
 
-def _frame_tracks(selection: Selection, number: int, looks_ahead: bool) -> list[_Track]:
+def _frame_tracks(selection: Selection, number: int, looks_ahead: bool, begin: int) -> list[_Track]:
     """Return the tracks of a frame: one of its raster, and with a channel file one of each mostly empty column."""
     sources = {key: source for key, source in selection.sources.items() if source.column.place[0] == number}
-    frame_rows, ahead, tracks = _frame_rows(selection, number, [*sources.values()]), list[_Rows](), list[_Track]()
+    frame_rows = _frame_rows(selection, number, [*sources.values()], begin)
+    ahead, tracks = list[_Rows](), list[_Track]()
     n = 0
     while looks_ahead and n < LOOK_ROWS and (rows := next(frame_rows, None)) is not None:
         ahead.append(rows)
@@ -406,13 +460,16 @@ def _frame_tracks(selection: Selection, number: int, looks_ahead: bool) -> list[
     return tracks
 
 
-def _tracks(selection: Selection) -> tuple[_Track, list[_Track]]:
+def _tracks(selection: Selection, begin: int) -> tuple[_Track, list[_Track]]:
     """Return the track with the times of the samples, and all others.
 
-    The former has the raster that is stated, or of most gauges, of two the slower.
+    The former has the raster that is stated, or of most gauges, of two the slower. Rows that do not ``begin`` with
+    the first belong to a recording of one raster, as its first rows have shown.
     """
-    looks_ahead = selection.channel_map is not None or len(selection.times) > 1
-    tracks = [track for number in selection.times for track in _frame_tracks(selection, number, looks_ahead)]
+    looks_ahead = not begin and (selection.channel_map is not None or len(selection.times) > 1)
+    tracks = [
+        track for number in selection.times for track in _frame_tracks(selection, number, looks_ahead, begin)
+    ]
     if selection.raster:
         base = next(track for track in tracks if selection.raster in track.keys)
     else:

@@ -24,7 +24,7 @@ from strainfmu.estimator.other_loads import SIGMA
 from strainfmu.interface.enumerations import HEALTH_ITEMS
 from strainfmu.interface.estimator_variables import LOADS
 from strainfmu.interface.health_names import ENVELOPE_SCORE, STATE, USABLE
-from strainfmu.recorded.checks import DataChecks
+from strainfmu.recorded.checks import FaultCounts
 from strainfmu.recorded.estimators import BlockEstimates
 from strainfmu.recorded.names import TIME
 from strainfmu.recorded.outputs import ENVELOPE_SCORE_LIMIT
@@ -208,7 +208,6 @@ class EstimationSummary:
     ----------
     samples : number of rows estimated.
     first, last : times of the first and the last sample [s].
-    missing_strains : number of strains without a value, by gauge.
     missing_pressure : number of samples without a dynamic pressure that have no coefficients.
     refused : number of steps that the FMU refused; their outputs are NaN.
     results : number of samples that have coefficients.
@@ -220,7 +219,7 @@ class EstimationSummary:
         DEGRADED, a quantity of navigation that is left out, too.
     beyond : number of samples OUTSIDE because of the estimated coefficients; None where that is not known.
     history : the course of the flight: when loads are not usable, largest loads, gauges that do not fit.
-    faults : strains that no gauge has measured, by gauge.
+    faults : strains that no gauge has measured, and those without a value, by gauge.
     gaps : gaps between samples, and the time from sample to sample.
     unused : columns of the data that were not read.
     notes : remarks on the data.
@@ -229,7 +228,6 @@ class EstimationSummary:
     samples: int = 0
     first: float = float("nan")
     last: float = float("nan")
-    missing_strains: Counter[str] = field(default_factory=Counter)
     missing_pressure: int = 0
     refused: int = 0
     results: int = 0
@@ -238,7 +236,7 @@ class EstimationSummary:
     blamed: dict[str, Counter[str]] = field(default_factory=dict)
     by_coefficients: int | None = None
     history: History = field(default_factory=History)
-    faults: DataChecks | None = None
+    faults: FaultCounts = field(default_factory=FaultCounts)
     gaps: Gaps = field(default_factory=Gaps)
     unused: tuple[str, ...] = ()
     notes: list[str] = field(default_factory=list)
@@ -274,6 +272,21 @@ class EstimationSummary:
                 text += f"; most often to blame: '{gauge}' (in {samples})"
             lines.append(text)
         return lines
+
+    def take(self, later: EstimationSummary) -> None:
+        """Add what is counted of samples that come later; their course is not kept."""
+        self.first = float(np.fmin(self.first, later.first))
+        self.last = later.last
+        for name in ("samples", "missing_pressure", "refused", "results"):
+            setattr(self, name, getattr(self, name) + getattr(later, name))
+        self.health.update(later.health)
+        for state, blamed in later.blamed.items():
+            self.blamed.setdefault(state, Counter()).update(blamed)
+        if later.by_coefficients is not None:
+            self.by_coefficients = (self.by_coefficients or 0) + later.by_coefficients
+        self.faults.take(later.faults)
+        self.gaps.take(later.gaps)
+        self.notes += [note for note in later.notes if note not in self.notes]
 
     def add(self, block: Samples, estimates: BlockEstimates) -> None:
         """Take a block and its estimates."""

@@ -92,7 +92,7 @@ class Frame:
     Attributes
     ----------
     columns : with the times that the format states itself, if it does, ahead.
-    pieces : yields the rows of some columns, by index.
+    pieces : yields the rows of some columns, by index, from a row on; of a text, whose rows are not known, all.
     rows : number of rows, None where it is known at the end alone.
     length : position at the end.
     has_clock : whether the first column is times [s] that the format states itself.
@@ -100,7 +100,7 @@ class Frame:
     """
 
     columns: tuple[Column, ...]
-    pieces: Callable[[Sequence[int]], Iterator[Piece]]
+    pieces: Callable[[Sequence[int], int], Iterator[Piece]]
     rows: int | None = None
     length: int = 0
     has_clock: bool = False
@@ -187,8 +187,11 @@ def _frame(path: Path, columns: Sequence[Column], starts: list[np.datetime64]) -
     if clock is not None:
         columns = [Column(name=TIME, unit="s", rows=rows, read=clock[1]), *columns]
 
-    def pieces(indices: Sequence[int]) -> Iterator[Piece]:
-        for first in range(0, rows, PIECE_ROWS):
+    def pieces(indices: Sequence[int], begin: int = 0) -> Iterator[Piece]:
+        if begin and not starts:  # the first date of the file is the beginning of all its times
+            for i in indices:
+                _values(path, columns[i], slice(0, min(PIECE_ROWS, rows)), starts)
+        for first in range(begin, rows, PIECE_ROWS):
             part = slice(first, min(first + PIECE_ROWS, rows))
             values = [_values(path, columns[i], part, starts) for i in indices]
             yield np.arange(part.start + 1, part.stop + 1), values, part.stop

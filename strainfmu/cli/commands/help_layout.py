@@ -62,7 +62,7 @@ FUNCTIONS: dict[str, tuple[str, ...]] = {
         *("builder.bench_structure", "builder.bench_meshes", "builder.bench_gauges"),
     ),
     "dbc": ("strainfmu.dbc", "strainfmu.dbc_template"),
-    "estimate": ("strainfmu.estimate", "builder.write_flight_page"),
+    "estimate": ("strainfmu.estimate", "builder.write_flight_page", "builder.estimate_recordings"),
     "fly": ("strainfmu.fly", "builder.flight_figures"),
     "loadtest": ("builder.loadtest", "builder.loadtest_template"),
     "monitor": ("strainfmu.serve_monitor",),
@@ -82,6 +82,7 @@ OPTIONS: dict[str, dict[str, tuple[str, ...]]] = {
         "Filter": ("filter_seconds", "smooth"),
         "Checks of the data": ("accept_strain_level", "accept_held"),
         "Results": ("columns", "residuals", "field", "field_every"),
+        "Processes": ("scheduler", "workers", "part_rows"),
     },
     "export": {
         "Kind of FMU": ("kind", "fmi", "scalars", "inputs", "platforms", "estimator", "bus"),

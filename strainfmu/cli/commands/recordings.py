@@ -39,6 +39,9 @@ def channels(*, source: Path, data: Path, output: Path) -> None:
 
 def estimate(*, source: Path, data: Path, output: Path, report: Path | None, **options: Any) -> None:
     """Estimate the loads of a recording, and print what a user should know of data and estimates."""
+    dividing = {name: options.pop(name) for name in ("workers", "scheduler", "part_rows")}
+    if data.is_dir() or any(value is not None for value in dividing.values()):
+        return _estimate_in_parts(source, data, output, {"report": report, **options}, dividing)
     if report is not None:
         from builder.reports.flight_page import check_report
         from strainfmu.can.log_frames import is_bus_log
@@ -62,6 +65,24 @@ def estimate(*, source: Path, data: Path, output: Path, report: Path | None, **o
         files = {content: path for content, path in read.items() if path is not None}
         builder.write_flight_page(summary, report, files)
         say(f"{report}: written")
+    _refuse_without_results(summary, data)
+
+
+def _estimate_in_parts(
+    source: Path, data: Path, output: Path, options: dict[str, Any], dividing: dict[str, Any]
+) -> None:
+    """Estimate a folder of recordings, or one with several workers, and print what a user should know."""
+    for name in ("report", "field", "field_every", "bus"):
+        if options.pop(name) is not None:
+            option = f"--{name.replace('_', '-')}"
+            raise InputError(f"{data}: {option}: expected none with parts: estimate the recording by itself")
+    reporter = ConsoleReporter(Console())
+    summary = builder.estimate_recordings(source, data, output, progress=reporter, **dividing, **options)
+    say(*_estimate_lines(summary, data), f"{output}: written, {summary.samples} samples")
+    _refuse_without_results(summary, data)
+
+
+def _refuse_without_results(summary: EstimationSummary, data: Path) -> None:
     if not summary.results:
         states = ", ".join(f"{name} {number}" for name, number in summary.health.most_common())
         raise StrainfmuError(f"{data}: none of {summary.samples} samples has a result: {states or 'all refused'}")
@@ -71,11 +92,11 @@ def _estimate_lines(summary: EstimationSummary, data: Path) -> list[str]:
     """Return what a user should know of the data and the estimates."""
     health = ", ".join(f"{name} {number}" for name, number in sorted(summary.health.items()))
     lines = [f"health: {health or '-'}", *summary.health_lines()]
-    if summary.missing_strains:
-        total = sum(summary.missing_strains.values())
-        gauge, number = summary.missing_strains.most_common(1)[0]
+    if summary.faults.missing:
+        total = sum(summary.faults.missing.values())
+        gauge, number = summary.faults.missing.most_common(1)[0]
         lines.append(
-            f"{data}: {total} strains without a value in {len(summary.missing_strains)} gauges, the largest "
+            f"{data}: {total} strains without a value in {len(summary.faults.missing)} gauges, the largest "
             f"number in '{gauge}' ({number}): left out, and sigma has grown accordingly"
         )
     if summary.missing_pressure:

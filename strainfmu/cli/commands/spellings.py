@@ -240,6 +240,7 @@ _SPELLINGS = {
     "estimate.field_every": count(1, 1_000_000),
     "estimate.filter_seconds": number(1e-9, 1e6, "s", "SECONDS", names=("--filter",)),
     "estimate.ignore_columns": read(listed, metavar="NAME,.."),
+    "estimate.part_rows": count(1, 10**9),
     "estimate.report": value("X.html"),
     "estimate.source": value("FMU"),
     "export.platforms": read(listed, "with commas"),

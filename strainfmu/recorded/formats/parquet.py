@@ -30,10 +30,16 @@ def parquet_table(path: Path, reading: Reading, stack: ExitStack) -> Table:
     schema, rows = file.schema_arrow, file.metadata.num_rows
     columns = tuple(_column(schema.field(i), reading) for i in range(len(schema.names)))
 
-    def pieces(indices: Sequence[int]) -> Iterator[Piece]:
+    def pieces(indices: Sequence[int], begin: int = 0) -> Iterator[Piece]:
         starts: list[np.datetime64] = []
-        end, names = 0, [schema.names[i] for i in indices]
-        batches = file.iter_batches(PIECE_ROWS, columns=list(dict.fromkeys(names)))
+        names = [schema.names[i] for i in indices]
+        ends = np.cumsum([file.metadata.row_group(k).num_rows for k in range(file.num_row_groups)])
+        groups = [k for k, end in enumerate(ends.tolist()) if end > begin]
+        end = int(ends[groups[0] - 1]) if groups and groups[0] else 0
+        if groups and groups[0]:  # the first date of the file is the beginning of all its times
+            groups.insert(0, 0)
+            end -= int(ends[0])
+        batches = file.iter_batches(PIECE_ROWS, row_groups=groups, columns=list(dict.fromkeys(names)))
         while True:
             with of_format(path, "a Parquet file"):
                 batch = next(batches, None)
@@ -44,7 +50,9 @@ def parquet_table(path: Path, reading: Reading, stack: ExitStack) -> Table:
                 for i, name in zip(indices, names, strict=True)
             ]
             first, end = end, end + batch.num_rows
-            yield np.arange(first + 1, end + 1), values, end
+            skipped = min(max(begin - first, 0), batch.num_rows)
+            if skipped < batch.num_rows:
+                yield np.arange(first + skipped + 1, end + 1), [column[skipped:] for column in values], end
 
     return Table(path, (Frame(columns=columns, pieces=pieces, rows=rows, length=rows),))
 

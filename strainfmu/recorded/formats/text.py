@@ -100,9 +100,14 @@ class Layout:
 def text_table(path: Path, reading: Reading, stack: ExitStack) -> Table:
     """Open a text with columns; its headings are the line with the names that ``reading`` knows."""
     layout = text_layout(path, reading)
+
+    def pieces(indices: Sequence[int], begin: int = 0) -> Iterator[Piece]:
+        assert not begin, "lines are not counted ahead"
+        return _Samples(path, layout, indices).pieces()
+
     frame = Frame(
         columns=layout.columns,
-        pieces=lambda indices: _Samples(path, layout, indices).pieces(),
+        pieces=pieces,
         length=path.stat().st_size,
         counted="line",
     )
