@@ -82,8 +82,8 @@ def estimate_recordings(
     ``pandas.read_parquet(output)`` reads it, with the name of the file as the column ``recording``. Recordings of
     text, and of several rasters, are one part each. A second run continues an interrupted one.
 
-    The loads are those of one piece, but for a filter, whose windows begin anew two time constants ahead of a
-    part, and for loads that a nonlinear estimator holds without strains for longer.
+    Parts change no bit of the loads, except with a filter, whose windows begin two time constants ahead of a
+    part, and where a nonlinear estimator without strains holds its loads for longer.
 
     Parameters
     ----------
@@ -162,7 +162,7 @@ def _check_output(output: Path) -> None:
 
 
 def _files_of(data: Path) -> list[Path]:
-    """Return the recordings: the file, or those of a folder in the order of their names."""
+    """Return the recordings: the file, or all that a folder has, in the order of their names."""
     if not data.is_dir():
         files = [data]
     else:

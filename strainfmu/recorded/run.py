@@ -61,7 +61,7 @@ def estimate_file(
         as :func:`strainfmu.estimate` takes them; so are ``ignore_columns``, ``field_every`` and ``accept_held``.
     check_level : whether to refuse strains whose level is so far from the map's that their unit must be another.
     field_output, time_constant : ``field`` and ``filter_seconds`` of :func:`strainfmu.estimate`.
-    part : rows to estimate. Of a part the notes are those of its own samples alone.
+    part : rows to estimate. The notes on a part are on its own samples alone.
 
     Raises
     ------
