@@ -34,7 +34,7 @@ INTERNAL_PRESSURE_PA = Limits(0.0, 1e8)
 GAMMA = Limits(1e-12, 1e12)
 
 MAX_CONDITIONS = 20_000
-MAX_GAUGES = 2_000
+MAX_GAUGES = 4_096
 """Of one layout: the covariance of strain is a full matrix."""
 MAX_PRESSURES = 250_000_000
 """Values of one array: conditions or gauges, times surface nodes; 2 GB."""

@@ -54,13 +54,16 @@ static void lay_out(void *part, Room *room) {
 }
 
 /* Whether the parts of a map go together: section loads scale with q_inf, tables of loads are about the map's section
-   loads, and filter and tables of parameters are about other tables. */
+   loads, filter and tables of parameters are about other tables, and a map of many gauges has strain gauges and the five
+   loads alone. */
 static int check_parts(MapFile *file, int follows_pressure) {
     const int flight = map_has(file, "flight"), other_loads = map_has(file, "other_loads");
     const int has_form = follows_pressure || !(other_loads || map_has(file, "scaled_errors"));
     const int of_loads = map_has(file, "flight_loads") == (flight && other_loads);
     const int of_tables = flight || !map_has(file, "parameter_tables");
-    if (file->good && !(has_form && of_loads && of_tables)) {
+    const int has_more = flight || other_loads || !follows_pressure || map_has(file, "thermal") || map_has(file, "sensors");
+    const int of_many = !(map_has(file, "low_rank") && has_more);
+    if (file->good && !(has_form && of_loads && of_tables && of_many)) {
         snprintf(file->text, MODEL_TEXT_SIZE, "holds parts that do not go together");
         file->good = 0;
     }

@@ -431,6 +431,47 @@ def has_filter(inverse_map: InverseMap) -> bool:
     return inverse_map.manifold is not None or inverse_map.case == 1 or inverse_map.regularisation == 1.0
 
 
+DENSE_GAUGES = 512
+"""Gauges up to which the linear estimator computes with full matrices of all gauges."""
+
+
+def is_low_rank(inverse_map: InverseMap) -> bool:
+    """Return whether the linear estimator of ``inverse_map`` computes by columns of errors instead of matrices.
+
+    So it does for more than :data:`DENSE_GAUGES` gauges whose errors that do not scale are independent but for one
+    that all have in common, in form "dynamic_pressure", where no temperature, inertia, auxiliary sensor or other
+    load is in the map.
+    """
+    n, common = inverse_map.n_gauges, common_variance(inverse_map)
+    return (
+        n > DENSE_GAUGES
+        and inverse_map.manifold is None
+        and inverse_map.follows_pressure
+        and not (inverse_map.thermal_and_inertia.n_modes or inverse_map.has_auxiliary_sensors)
+        and not inverse_map.has_other_loads
+        and common >= 0.0
+        and bool(np.all(gauge_variances(inverse_map) > 0.0))
+        and _has_common_error_alone(inverse_map)
+    )
+
+
+def common_variance(inverse_map: InverseMap) -> float:
+    """Return the variance of the errors that do not scale and that the first two gauges have in common."""
+    covariance = inverse_map.gauge_covariance
+    return float(covariance[0, 1]) if len(covariance) > 1 else 0.0
+
+
+def gauge_variances(inverse_map: InverseMap) -> FloatArray:
+    """Return (n_d,) the variances of errors that do not scale, less :func:`common_variance`."""
+    return np.diag(inverse_map.gauge_covariance) - common_variance(inverse_map)
+
+
+def _has_common_error_alone(inverse_map: InverseMap) -> bool:
+    covariance, common = inverse_map.gauge_covariance, common_variance(inverse_map)
+    apart = [np.delete(row, k) for k, row in enumerate(covariance)]
+    return all(np.all(row == common) for row in apart)
+
+
 def groups_of_outputs(inverse_map: InverseMap) -> tuple[LoadGroup, ...]:
     """Return the groups of loads that FMUs of the map state after the five.
 

@@ -47,11 +47,14 @@ GROUPS = (
     Group("LINEAR", "linear", (
         Length("n_gauges", "mean_strain", least="1"), Length("n_states", "state_operator"),
         Length("n_errors", "error_strain"))),
+    Group("GAUGE_COVARIANCE", "linear", names=("gauge_covariance",)),
+    Group("LOW_RANK", "low_rank"),
     Group("ZERO_OFFSETS", "settings", names=("zero_offset",)),
     Group("SETTINGS", "settings"),
     Group("ENVELOPE", "envelope", (
         Length("n_half_spaces", "limit", most="65536"), Length("n_layers", "layers", least="1"))),
     Group("SCALED", "scaled"),
+    Group("SPREAD", "scaled", names=("spread", "spread_load", "spread_unseen")),
     Group("SCALED_ERRORS", "scaled_errors", (Length("n_terms", "common"),)),
     Group("ANGLES", "angles"),
     Group("THERMAL", "thermal", (

@@ -30,22 +30,35 @@ void linear_arrays(Map *map, size_t n_strains, Linear *linear, Room *room) {
     linear->scaled.map = map;
     linear->scaled.other_loads = linear->prepared.noise.other_loads;
     linear->scaled.wide = linear->wide;
+    linear->prepared.scaled = &linear->scaled;
     scaled_arrays(&linear->scaled, room);
     half_space_arrays(&map->envelope, linear, room);
     prepared_arrays(map, n_strains, &linear->prepared, room);
 }
 
+/* What follows from the matrices of the map. */
+static void follow_matrices(Linear *linear) {
+    if (linear->map->has_low_rank) {
+        low_rank_renew(&linear->scaled, linear->prepared.n_strains, linear->prepared.noise_std);
+    } else {
+        scaled_prepare(&linear->scaled);
+    }
+}
+
 int linear_begin(Linear *linear) {
     const int good = prepared_begin(&linear->prepared);
+    if (good && linear->map->has_low_rank) {
+        low_rank_prepare(&linear->scaled);
+    }
     if (good) {
-        scaled_prepare(&linear->scaled);
+        follow_matrices(linear);
     }
     return good;
 }
 
 void linear_renewed(Linear *linear) {
     prepared_renewed(&linear->prepared);
-    scaled_prepare(&linear->scaled);
+    follow_matrices(linear);
 }
 
 /* Of the smallest incidence per lateral force over that at the largest incidence: curves over Mach number and roll angle

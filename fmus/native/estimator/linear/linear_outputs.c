@@ -59,6 +59,9 @@ EVERYWHERE int may_exceed(Linear *linear, double threshold) {
     if (chi_square <= limit) {
         return 0;
     }
+    if (linear->map->has_low_rank) { /* which has all z at little cost */
+        return 1;
+    }
     if (!(chi_square <= LARGEST_SCREENED) || chi_square > linear->output[CHI_SQUARE_LIMIT]) {
         return 1;
     }
@@ -108,7 +111,7 @@ static void set_suspects(Linear *linear, double threshold) {
         }
     }
     if (largest > threshold) {
-        prepared_groups(&linear->prepared);
+        prepared_groups(&linear->prepared, worst);
         name_suspects(linear, worst);
     }
 }
@@ -346,7 +349,7 @@ static void set_noise(const Linear *linear, double strain, double of_pressure, d
     *of_coefficient = scale * scale * strain + of_pressure * square(of_both * deviation);
 }
 
-void linear_noise(const Linear *linear, const double *gauge_noise, double of_pressure, double *scratch, double *of_loads,
+void linear_noise(Linear *linear, const double *gauge_noise, double of_pressure, double *scratch, double *of_loads,
                   double *of_coefficients) {
     const size_t n = linear->map->n_gauges, row = linear_noise_row(linear->map);
     const double *scalar = linear->inputs->value + n, *output = linear->output;
@@ -369,7 +372,7 @@ void linear_noise(const Linear *linear, const double *gauge_noise, double of_pre
     }
 }
 
-void linear_other_noise(const Linear *linear, const double *gauge_noise, double of_pressure, double *scratch,
+void linear_other_noise(Linear *linear, const double *gauge_noise, double of_pressure, double *scratch,
                         double *of_loads, double *of_coefficients) {
     const OtherLoads *other_loads = linear->other_loads;
     const size_t n = linear->map->n_gauges;

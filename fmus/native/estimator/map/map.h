@@ -119,6 +119,7 @@ typedef struct {
     size_t n_columns;           /* columns of spread that are not 0, the first ones */
     int has_errors;             /* whether errors follow the current strain: the members of SCALED_ERRORS are set */
     MAP_MEMBERS(SCALED)
+    MAP_MEMBERS(SPREAD) /* NULL where has_low_rank */
     MAP_MEMBERS(SCALED_ERRORS)
 } ScaledForm;
 
@@ -143,6 +144,9 @@ typedef struct {
     uint32_t checksum;
     const char *guid;
     MAP_MEMBERS(LINEAR)
+    MAP_MEMBERS(GAUGE_COVARIANCE) /* NULL where has_low_rank */
+    int has_low_rank; /* whether it has many gauges, whose errors but for their own are the columns of error_strain */
+    MAP_MEMBERS(LOW_RANK)
     MAP_MEMBERS(SETTINGS)
     MAP_MEMBERS(ANGLES) /* 0 where not known */
     const NoiseMatrices *made;

@@ -19,7 +19,6 @@ enum {
     X(T, LENGTH, n_states, state_operator, ANY, 0, 0, 0, SYM_STATES, FIXED(0), FIXED(4096)) \
     X(T, LENGTH, n_errors, error_strain, ANY, 0, 0, 0, SYM_ERRORS, FIXED(0), FIXED(4096)) \
     X(T, ARRAY, state_operator, state_operator, ANY, 2, 0, 0, SYM_NONE, AXIS(STATES, 1, 0), AXIS(GAUGES, 1, 0)) /* A [(m/m)/state] */ \
-    X(T, ARRAY, gauge_covariance, gauge_covariance, COVARIANCE, 2, 0, 0, SYM_NONE, AXIS(GAUGES, 1, 0), AXIS(GAUGES, 1, 0)) /* Gamma_g, covariance of the errors that have no columns [(m/m)^2] */ \
     X(T, ARRAY, error_strain, error_strain, ANY, 2, 0, 0, SYM_NONE, AXIS(ERRORS, 1, 0), AXIS(GAUGES, 1, 0)) /* N, strain of each error that has a column per standard deviation, at the nominal dynamic pressure [m/m] */ \
     X(T, ARRAY, error_load, error_load, ANY, 2, 0, 0, SYM_NONE, AXIS(ERRORS, 1, 0), FIXED(5)) /* N_f, loads of the errors of error_strain [N, N.m] */ \
     X(T, NUMBER, regularisation, regularisation, BETWEEN, 0, 0, DBL_MAX, SYM_NONE, FIXED(0)) /* gamma, 0 in Case 1, positive in Case 2 */ \
@@ -38,6 +37,14 @@ enum {
     X(T, NUMBER, ambiguous_correlation, ambiguous_correlation, ANY, 0, 0, 0, SYM_NONE, FIXED(0)) /* above which gauges cannot be distinguished */ \
     X(T, NUMBER, min_dynamic_pressure, min_dynamic_pressure, POSITIVE, 0, 0, 0, SYM_NONE, FIXED(0)) /* below which there are no coefficients [Pa] */ \
     X(T, NUMBER, max_dynamic_pressure, max_dynamic_pressure, ANY, 0, 0, 0, SYM_NONE, FIXED(0)) /* above which there are none [Pa] */
+
+#define GAUGE_COVARIANCE(X, T) \
+    X(T, ARRAY, gauge_covariance, gauge_covariance, COVARIANCE, 2, 0, 0, SYM_NONE, AXIS(GAUGES, 1, 0), AXIS(GAUGES, 1, 0)) /* Gamma_g, covariance of the errors that have no columns [(m/m)^2] */
+
+#define LOW_RANK(X, T) \
+    X(T, ARRAY, noise_variance, noise_variance, POSITIVE, 1, 0, 0, SYM_NONE, AXIS(GAUGES, 1, 0)) /* variances of errors of each gauge alone that do not scale [(m/m)^2] */ \
+    X(T, ARRAY, own_variance, own_variance, FROM_0, 1, 0, 0, SYM_NONE, AXIS(GAUGES, 1, 0)) /* of those that scale [(m/m)^2] */ \
+    X(T, NUMBER, common_variance, common_variance, BETWEEN, 0, 0, DBL_MAX, SYM_NONE, FIXED(0)) /* of an error that does not scale and is the same of all gauges [(m/m)^2] */
 
 #define ZERO_OFFSETS(X, T) \
     X(T, ARRAY, zero_offset, zero_offset, ANY, 1, 0, 0, SYM_NONE, AXIS(STRAINS, 1, 0)) /* reading of each strain gauge without strain by the calibration [m/m] */
@@ -72,7 +79,9 @@ enum {
     X(T, ARRAY, mean_strain, mean_strain, ANY, 1, 0, 0, SYM_NONE, AXIS(GAUGES, 1, 0)) /* m - d_0, at the nominal dynamic pressure [m/m] */ \
     X(T, ARRAY, fixed_load, fixed_load, ANY, 1, 0, 0, SYM_NONE, FIXED(5)) /* f_0 [N, N.m] */ \
     X(T, ARRAY, load_of_mean, load_of_mean, ANY, 1, 0, 0, SYM_NONE, FIXED(5)) /* f_mean - f_0 [N, N.m] */ \
-    X(T, NUMBER, min_expected_ratio, min_expected_ratio, ANY, 0, 0, 0, SYM_NONE, FIXED(0)) /* smallest expected chi-square over its degrees of freedom */ \
+    X(T, NUMBER, min_expected_ratio, min_expected_ratio, ANY, 0, 0, 0, SYM_NONE, FIXED(0)) /* smallest expected chi-square over its degrees of freedom */
+
+#define SPREAD(X, T) \
     X(T, ARRAY, spread, spread, ANY, 2, 0, 0, SYM_NONE, AXIS(GAUGES, 1, 0), AXIS(GAUGES, 1, 0)) /* N of what has a prior, N N' the sum over its columns [m/m] */ \
     X(T, ARRAY, spread_load, spread_load, ANY, 2, 0, 0, SYM_NONE, AXIS(GAUGES, 1, 0), FIXED(5)) /* loads of its columns [N, N.m] */ \
     X(T, ARRAY, spread_unseen, spread_unseen, ANY, 2, 0, 0, SYM_NONE, FIXED(5), FIXED(5)) /* what those columns do not hold */

@@ -9,6 +9,9 @@
        N (n, n_e), N_f (5, n_e)        strain and loads of errors that scale, per standard deviation
        D_a D_b (21, n), E (t, 6, n)    errors in proportion to strain, and mean(c c') (21)
 
+   A map of many gauges has, instead of Gamma_g and of the gauges' own errors in N, the part "low_rank": variances of each
+   gauge, and of what all zeros have in common.
+
    What follows from them (whitening, directions, gains) is not in the file: update/added_noise.c makes it, so that
    the standard deviations of zero offsets may change. A matrix (n, r) lies in the file as its transpose, a row for
    each state. Infinite bounds are written as the largest finite number, as the container holds finite ones alone.
@@ -26,6 +29,9 @@ static void take_form(MapFile *file, Map *map) {
     const size_t n = map->n_gauges, n_prior = map->known_prior ? map->n_states : 0;
     ScaledForm *form = &map->form;
     MAP_READ(file, "scaled", SCALED, ScaledForm, form);
+    if (!map->has_low_rank) {
+        MAP_READ(file, "scaled", SPREAD, ScaledForm, form);
+    }
     form->n_fixed = form->follows_pressure ? form->n_free : n;
     form->n_columns = form->follows_pressure || n_prior > n ? n : n_prior;
     form->has_errors = map_has(file, "scaled_errors");
@@ -48,6 +54,12 @@ int map_parse(MapFile *file, Map *map) {
     map->checksum = u32_at(file->bytes, CHECKSUM_AT);
     map->guid = map_text(file, "guid", GUID_SIZE);
     MAP_READ(file, "linear", LINEAR, Map, map);
+    map->has_low_rank = map_has(file, "low_rank");
+    if (map->has_low_rank) {
+        MAP_READ(file, "low_rank", LOW_RANK, Map, map);
+    } else {
+        MAP_READ(file, "linear", GAUGE_COVARIANCE, Map, map);
+    }
     take_settings(file, map);
     MAP_READ(file, "envelope", ENVELOPE, Envelope, &map->envelope);
     map->envelope.atmosphere = (Atmosphere){map->envelope.n_layers, map->envelope.layers};

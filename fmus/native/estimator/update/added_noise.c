@@ -413,6 +413,9 @@ void added_noise_arrays(const Map *map, AddedNoise *noise, Room *room) {
     const size_t n = map->n_gauges;
     noise->file = *map;
     noise->made = noise->set;
+    if (map->has_low_rank) {
+        return; /* low_rank.c has all */
+    }
     for (size_t k = 0; k < 2; k++) {
         matrices_arrays(map, n_other(noise), &noise->set[k], room);
     }
@@ -487,7 +490,7 @@ static void set_min_precision(AddedNoise *noise) {
 }
 
 void added_noise_begin(AddedNoise *noise) {
-    noise->stage = ROOT;
+    noise->stage = noise->file.has_low_rank ? MADE : ROOT;
     noise->refused = 0;
 }
 
@@ -538,6 +541,9 @@ int added_noise_part(AddedNoise *noise, size_t work) {
 int added_noise_hand_out(AddedNoise *noise, Map *map) {
     if (noise->stage != MADE) {
         return 0;
+    }
+    if (map->has_low_rank) {
+        return 1;
     }
     map->made = noise->made; /* no step sees a part of them */
     /* The other set is free for the next matrices. */

@@ -326,6 +326,20 @@ const Interval *current_interval(Scaled *scaled, double ratio) {
     return interval;
 }
 
+/* (c_a c_b - mean)_p, of the loads of the step. */
+void set_products_of_coefficients(const Scaled *scaled, double *products) {
+    double c[1 + N_LOADS] = {1.0}, scale[N_LOADS];
+    coefficient_scales(scaled->step.pressure, scaled->map->reference_area, scaled->map->reference_length, scale);
+    for (size_t i = 0; i < N_LOADS; i++) {
+        c[1 + i] = scale[i] * scaled->step.loads[i];
+    }
+    for (size_t a = 0, pair = 0; a < 6; a++) {
+        for (size_t b = a; b < 6; b++, pair++) {
+            products[pair] = c[a] * c[b] - scaled->map->form.mean_product[pair];
+        }
+    }
+}
+
 /* powers[j * 21 + p] = t^j (c_a c_b - mean)_p, from the loads of the step as they are without these errors. */
 void current_errors_set_powers(Scaled *scaled) {
     CurrentErrors *errors = &scaled->errors;
@@ -333,17 +347,7 @@ void current_errors_set_powers(Scaled *scaled) {
     const Interval *interval = step->interval;
     const double middle = 0.5 * (interval->below + interval->above), half = 0.5 * (interval->above - interval->below);
     const double t = (step->ratio - middle) / half;
-    double c[1 + N_LOADS] = {1.0}, scale[N_LOADS];
-    coefficient_scales(scaled->step.pressure, scaled->map->reference_area, scaled->map->reference_length, scale);
-    for (size_t i = 0; i < N_LOADS; i++) {
-        c[1 + i] = scale[i] * step->loads[i];
-    }
-    size_t pair = 0;
-    for (size_t a = 0; a < 6; a++) {
-        for (size_t b = a; b < 6; b++, pair++) {
-            errors->powers[pair] = c[a] * c[b] - scaled->map->form.mean_product[pair];
-        }
-    }
+    set_products_of_coefficients(scaled, errors->powers);
     for (size_t k = N_PAIRS; k < N_FACTORS; k++) {
         errors->powers[k] = t * errors->powers[k - N_PAIRS];
     }

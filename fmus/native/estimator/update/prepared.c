@@ -125,8 +125,12 @@ static int identifies(Prepared *prepared, size_t n_missing) {
     if (n_missing == 0 || map->known_prior) {
         return 1;
     }
-    return n_missing <= (size_t)map->degrees_of_freedom
-        && information_left(prepared, n_missing) >= map->min_information;
+    if (n_missing > (size_t)map->degrees_of_freedom) {
+        return 0;
+    }
+    const double information = map->has_low_rank ? low_rank_information(prepared->scaled, prepared->masked)
+                                                 : information_left(prepared, n_missing);
+    return information >= map->min_information;
 }
 
 /* R_KK, and 1 / sqrt(P_ii) of each gauge in use; 0 where P_ii is rounding, so that no other gauge checks this one. */
@@ -166,8 +170,10 @@ static void set_groups(const Map *map, MaskedMap *masked) {
     }
 }
 
-void prepared_groups(Prepared *prepared) {
-    if (!prepared->masked->grouped) {
+void prepared_groups(Prepared *prepared, size_t worst) {
+    if (prepared->map->has_low_rank) {
+        low_rank_group(prepared->scaled, prepared->masked, worst);
+    } else if (!prepared->masked->grouped) {
         set_residual(prepared, missing_first(prepared));
         set_groups(prepared->map, prepared->masked);
         prepared->masked->grouped = 1;
@@ -179,7 +185,9 @@ static void prepare_masked(Prepared *prepared) {
     MaskedMap *masked = prepared->masked;
     const size_t n_missing = missing_first(prepared);
     masked->grouped = 0;
-    reordered_triangle(prepared, n_missing);
+    if (!map->has_low_rank) {
+        reordered_triangle(prepared, n_missing);
+    }
     masked->identified = identifies(prepared, n_missing);
     if (!masked->identified) {
         return;
@@ -194,14 +202,16 @@ void prepared_arrays(Map *map, size_t n_strains, Prepared *prepared, Room *room)
     prepared->map = map;
     for (int k = 0; k < CACHED_MASKS; k++) {
         MaskedMap *masked = &prepared->cache[k];
-        masked->triangle = taken(room, triangle_column(n));
+        masked->triangle = map->has_low_rank ? NULL : taken(room, triangle_column(n));
         masked->z_scale = taken(room, n);
         masked->used = piece(room, n, sizeof *masked->used);
         masked->group = piece(room, n, sizeof *masked->group);
         masked->mask = piece(room, n, 1);
     }
     prepared->mask = piece(room, n, 1);
-    TAKE(room, n * n, &prepared->first, &prepared->second, &prepared->third);
+    if (!map->has_low_rank) {
+        TAKE(room, n * n, &prepared->first, &prepared->second, &prepared->third);
+    }
     prepared->order = piece(room, n, sizeof *prepared->order);
     added_noise_arrays(map, &prepared->noise, room);
     prepared->n_strains = n_strains;
@@ -252,7 +262,7 @@ void prepared_renew(Prepared *prepared, const double *std) {
     const size_t n = prepared->n_strains, stride = prepared->map->n_gauges;
     const double common = std[n] * std[n];
     memcpy(prepared->next_std, std, (n + 1) * sizeof *std);
-    for (size_t i = 0; i < n; i++) { /* other sensors have no zeros */
+    for (size_t i = 0; i < n && !prepared->map->has_low_rank; i++) { /* other sensors have no zeros */
         for (size_t j = 0; j < n; j++) {
             prepared->noise.added[i * stride + j] = common + (i == j ? std[i] * std[i] : 0.0);
         }

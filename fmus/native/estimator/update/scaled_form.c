@@ -37,6 +37,10 @@ static int gain_differs(const Map *map) {
 void scaled_arrays(Scaled *scaled, Room *room) {
     const size_t n = scaled->map->n_gauges, columns = dense_columns(n), whole = dense_rows(n), narrow = narrow_rows(n);
     ScaledStep *step = &scaled->step;
+    if (scaled->map->has_low_rank) {
+        low_rank_arrays(scaled, room);
+        return;
+    }
     TAKE(room, whole * columns, &scaled->rows, &scaled->columns, &scaled->square);
     scaled->squares = taken(room, N_VALUES * columns);
     scaled->loads = taken(room, ROWS * columns);
@@ -247,20 +251,14 @@ EVERYWHERE void set_loads(Scaled *scaled, ScaledStep *step) {
     }
 }
 
-/* Errors in proportion to strain at the current one: s^2 G D G' to the covariance, and the ratio r of expected
-   chi-square to its degrees of freedom, r = 1 + s^2 tr(P D) / freedom. Limits rise as r (1 + level_slope (r - 1)):
-   docs/explanation/alarm_levels.md. */
-static void add_errors(Scaled *scaled, ScaledStep *step) {
+/* The ratio r of expected chi-square to its degrees of freedom, r = 1 + s^2 tr(P D) / freedom. Limits rise as
+   r (1 + level_slope (r - 1)): docs/explanation/alarm_levels.md. */
+void set_limit_ratio(Scaled *scaled, double trace) {
+    ScaledStep *step = &scaled->step;
     const double s = step->ratio;
     const int freedom = scaled->map->degrees_of_freedom - (int)step->n_lost;
     step->limit_ratio = 1.0;
-    if (!scaled->map->form.has_errors) {
-        memcpy(step->covariance, step->base, sizeof step->covariance);
-        return;
-    }
-    current_errors_set_powers(scaled);
-    const double trace = current_errors_add(scaled, step->base, step->covariance);
-    if (freedom > 0) {
+    if (scaled->map->form.has_errors && freedom > 0) {
         const double least = scaled->map->form.min_expected_ratio;
         step->limit_ratio = 1.0 + s * s * trace / (double)freedom;
         step->limit_ratio = step->limit_ratio > least ? step->limit_ratio : least;
@@ -268,6 +266,18 @@ static void add_errors(Scaled *scaled, ScaledStep *step) {
             step->limit_ratio *= 1.0 + scaled->map->level_slope * (step->limit_ratio - 1.0);
         }
     }
+}
+
+/* Errors in proportion to strain at the current one: s^2 G D G' to the covariance, and tr(P D) to the limits. */
+static void add_errors(Scaled *scaled, ScaledStep *step) {
+    double trace = 0.0;
+    if (scaled->map->form.has_errors) {
+        current_errors_set_powers(scaled);
+        trace = current_errors_add(scaled, step->base, step->covariance);
+    } else {
+        memcpy(step->covariance, step->base, sizeof step->covariance);
+    }
+    set_limit_ratio(scaled, trace);
 }
 
 /* One sample. The order hides latencies: the product V r runs while the divisions of u are under way. All of it
@@ -301,6 +311,10 @@ FOR_AVX2(condition, (Scaled *scaled, const MaskedMap *masked, const double *stra
 
 void scaled_condition(Scaled *scaled, const MaskedMap *masked, double pressure, const double *strain) {
     scaled->step.pressure = pressure;
+    if (scaled->map->has_low_rank) {
+        low_rank_condition(scaled, masked, strain);
+        return;
+    }
     CHOSEN(scaled->wide, condition)(scaled, masked, strain);
 }
 
@@ -309,6 +323,10 @@ void scaled_standardised_residuals(Scaled *scaled, double *z) {
     const size_t n = scaled->map->n_gauges;
     ScaledStep *step = &scaled->step;
     const MaskedMap *m = step->masked;
+    if (scaled->map->has_low_rank) {
+        low_rank_residuals(scaled, z);
+        return;
+    }
     double *slope = step->scratch[0], *precisions = step->scratch[1];
     dense_times(scaled->wide, n, n, scaled->columns, step->x, slope);
     dense_times(scaled->wide, n, n, scaled->square, step->unresolved, precisions);
@@ -350,9 +368,12 @@ void scaled_other_load(const Scaled *scaled, size_t j, double *value, double *va
 }
 
 /* F_k W V - B_k Y'. */
-double scaled_gain(const Scaled *scaled, size_t k, double *gain) {
+double scaled_gain(Scaled *scaled, size_t k, double *gain) {
     const ScaledStep *step = &scaled->step;
     const size_t n = scaled->map->n_gauges;
+    if (scaled->map->has_low_rank) {
+        return low_rank_gain(scaled, k, gain);
+    }
     double value, variance, per_pressure = 0.0, *weighted = step->scratch[0];
     if (k < N_LOADS) {
         per_pressure = step->per_pressure[k];

@@ -70,6 +70,7 @@ typedef struct {
     size_t n_strains;
     double *noise_std; /* (n_strains + 1) the standard deviations that map holds for, */
     double *next_std;  /* and those that matrices are made for */
+    struct Scaled *scaled; /* of a map with many gauges */
     MaskedMap *masked; /* for the gauges in use; NULL before any are known */
     MaskedMap cache[CACHED_MASKS];
     unsigned long last_use[CACHED_MASKS], uses; /* 0 for an empty entry */
@@ -79,8 +80,9 @@ typedef struct {
     size_t *order;                  /* (n_gauges) gauges, the missing first */
 } Prepared;
 
-/* Set the groups of gauges that cannot be distinguished, if they are not. */
-void prepared_groups(Prepared *prepared);
+/* Set the groups of gauges that cannot be distinguished, if they are not; of a map with many gauges the group of `worst`,
+   a place among those in use. */
+void prepared_groups(Prepared *prepared, size_t worst);
 
 /* Hand out the arrays of a map with n_strains strain gauges; noise.other_loads is set. */
 void prepared_arrays(Map *map, size_t n_strains, Prepared *prepared, Room *room);
@@ -182,10 +184,65 @@ typedef struct {
     double loads[N_LOADS], covariance[N_LOADS * N_LOADS];
 } ScaledStep;
 
+/* Many gauges with few columns of errors: low_rank.c. n_states and n_errors make up to `order` columns of the rows
+   [H, X_t, m], `width` apart. */
+#define LOW_NODES 10
+#define LOW_INTERVALS 4                  /* of the ratio, each for a set of gauges, that are kept */
+#define LOW_HALF_WIDTH 0x1.62e42fefa39efp-3 /* of an interval of its logarithm: ln 2 / 4 */
+
 typedef struct {
+    double below;         /* its number; NaN before it is known */
+    unsigned long number; /* of the set of gauges */
+    double middle;        /* ratio */
+    double *gram;         /* (LOW_NODES, width, width) K at each point, right on and above its diagonal */
+    double *precision;    /* (LOW_NODES, n_gauges) P_ii */
+    double *value;        /* (LOW_NODES, 16, 21) errors in proportion to strain: G D G' and tr(P D) by products c_a c_b */
+} LowInterval;
+
+/* The root of A (order, order), by columns, the sizes of its columns over D, and D. */
+typedef struct {
+    double *triangle, *product, *scale;
+} InformationRoot;
+
+typedef struct {
+    size_t order, width, n_scaled; /* columns of H; of a row; of those that scale, which have an S */
+    double *row;               /* (n_gauges, width) [H, X_t, m] */
+    double *size, *prior;      /* (order) S; 1, or 0 for a free state */
+    double *load;              /* (5, order) F */
+    double rest[N_LOADS * N_LOADS]; /* F_t */
+    double *noise, common;     /* (n_gauges) a; the variance of what the zeros have in common */
+    LowInterval interval[LOW_INTERVALS];
+    size_t next;               /* the one to give way */
+    /* Of the step, by its gauges in use and its ratio: */
+    const LowInterval *at;
+    double part[LOW_NODES];    /* polynomials of Lagrange */
+    double *gram;              /* (width, width) K */
+    InformationRoot at_step;
+    double *load_at, *solved;  /* (5, order) load; Y */
+    double *weight;            /* (n_gauges) w */
+    /* and by its strain: */
+    double *error, *weighted;  /* (n_gauges) e, w e */
+    double *of_residual, *v;   /* (width) [H, X_t, m]' W r, then t v; v */
+    /* At a ratio of 1, for sets of gauges: */
+    InformationRoot nominal;
+    double *nominal_gram, *nominal_weight, *nominal_along, *nominal_precision;
+    double *all_free, *free, *ratio; /* (n_free, n_free) roots of the information on free states */
+    int knows_all;             /* whether all_free is known */
+    unsigned long grouped;     /* number of the set that nominal_along and nominal_precision are for; 0 for none */
+    unsigned char *all_gauges; /* (n_gauges) 1 */
+    /* Scratch. */
+    double *along;             /* (n_gauges, order) B */
+    double *gain;              /* (5, n_gauges) G */
+    double *sized, *vector;    /* (n_gauges) */
+    double *of_term, *term_load[N_LOADS], *term_square; /* of common errors */
+    double *whole, *head, *turned, *kept, *scratch, *of_free, *of_column; /* of low_rank_prepare */
+} LowRank;
+
+typedef struct Scaled {
     const Map *map;
     const OtherLoads *other_loads; /* of a map with loads in addition to the five; NULL for others */
     int wide;          /* wide_of_processor() */
+    LowRank low;       /* of a map with many gauges, in the place of all but the step */
     double *rows;      /* V in panels: w = V r */
     double *columns;   /* V' in panels */
     double *square;    /* the squares of V' in panels: P_ii = sum of u V_ai^2 */
@@ -262,6 +319,24 @@ void scaled_arrays(Scaled *scaled, Room *room);
 /* Fill in the tables: once, and again where the matrices of the map are others. */
 void scaled_prepare(Scaled *scaled);
 
+/* Of a map with many gauges, as the functions of the same names: arrays; H once; K again where the standard deviations of
+   zeros (n_strains, then the common one) are others. */
+void low_rank_arrays(Scaled *scaled, Room *room);
+void low_rank_prepare(Scaled *scaled);
+void low_rank_renew(Scaled *scaled, size_t n_strains, const double *zero_std);
+void low_rank_condition(Scaled *scaled, const MaskedMap *masked, const double *strain);
+void low_rank_residuals(Scaled *scaled, double *z);
+double low_rank_gain(Scaled *scaled, size_t k, double *gain);
+
+/* The information of a set of gauges on the free states over the one of all, in the worst state; the group of a gauge in
+   use, by its place among these. */
+double low_rank_information(Scaled *scaled, const MaskedMap *masked);
+void low_rank_group(Scaled *scaled, MaskedMap *masked, size_t worst);
+
+/* Products c_a c_b (21) of the coefficients of the step less their mean; the limits by tr(P D) at a ratio of 1. */
+void set_products_of_coefficients(const Scaled *scaled, double *products);
+void set_limit_ratio(Scaled *scaled, double trace);
+
 /* Condition the loads on the strains (n_gauges) of the gauges in use, which identify the state, at a dynamic pressure [Pa]:
    scaled->step. */
 void scaled_condition(Scaled *scaled, const MaskedMap *masked, double pressure, const double *strain);
@@ -274,6 +349,6 @@ void scaled_other_load(const Scaled *scaled, size_t j, double *value, double *va
 
 /* The gain (dense_rows(n_gauges)) by strain in the last step of load k, of the five and those in addition; its derivative by
    q_inf. */
-double scaled_gain(const Scaled *scaled, size_t k, double *gain);
+double scaled_gain(Scaled *scaled, size_t k, double *gain);
 
 #endif
