@@ -12,25 +12,25 @@
        w_ref^1/2 [X, N] = Q [T, Z; 0, K],   K = U diag(S) E,   E orthonormal rows
        F_free = M T^-1,   F_a = (M_N - F_free Z) E_a'         loads of a column, as in added_noise.c
 
-   Columns of S up to SMALLEST are left out: with S a thousandth of a thousandth of the noise of all gauges together
-   they change precisions by S^2 alone. Loads see them to first order by X_t = sum of their strain times loads (n, 5),
-   and F_t (5, 5) is the covariance of these loads. H (n, order) are the columns that are kept, c and X; t their sizes
-   (s S, 1, s), over D, where D^2 = 1 (0 for x) + size^2 K_cc keeps the diagonal of A at 1.
+   Columns of S up to SMALLEST are left out: so far below the noise of all gauges together they change precisions by S^2
+   alone. Loads see them to first order by X_t = sum of their strain times loads (n, 5), and F_t (5, 5) is the
+   covariance of these loads. H (n, order) are the columns that are kept, c and X, with the loads F / S, 0 and F_free,
+   called F from here on; their sizes are s S, 1 and s. D^2 = 1 (0 for x) + size^2 K_cc keeps the diagonal of A at 1, t
+   = size / D:
 
-       K = [H, X_t, m]' W [H, X_t, m]                          Gram matrix
-       A = diag(prior / D^2) + t K t = L L'                    information on the columns
-       v = A^-1 t H' W r,      e = r - H t v
-       chi-square = e' W e + |prior v / D|^2
-       f = f_0 + s f_mean + load v + s^2 X_t' W e,             load = s F / D
-       cov f = Y' Y + s^2 F_t - s^4 X_t' W X_t,                Y = L^-1 (load' - s^2 t H' W X_t)
-       P_ii = w_i - w_i^2 |B_i|^2,     B_i = L^-1 t h_i,       z_i = w_i e_i / sqrt(P_ii)
-       G = (Y' B + s^2 X_t') W
+       K = [H, X_t, m]' W [H, X_t, m]                          Gram matrix, its columns g by X_t and g_m by m
+       A = diag(prior / D^2) + t K t = L L',    C = t A^-1 t   information on the columns, and their covariance
+       x = C H' W r,      e = r - H x
+       chi-square = e' W e + |prior x / size|^2
+       f = f_0 + s f_mean + F x + s^2 X_t' W e,                F' = F - s^2 g
+       cov f = F' C F'' + s^2 F_t - s^4 X_t' W X_t,            df/dq by F' C g_m + s^2 X_t' W m as in scaled_form.c
+       P_ii = w_i - w_i^2 h_i' C h_i,      z_i = w_i e_i / sqrt(P_ii),      G = (F' C H' + s^2 X_t') W
 
-   A step costs two readings of [H, X_t, m]. K, P_ii, G D G' and tr(P D) of current_errors.c follow s, which moves in
-   flight. Each is analytic in s^2 but for the negative axis, so that in x = ln s the next singularity is pi / 2 away:
-   with Chebyshev points in an interval of half width h the error of their polynomial falls as rho^-LOW_NODES, rho =
-   k + sqrt(k^2 + 1), k = pi / 2 / h. For a factor sqrt 2, h = 0.173, rho = 18.2: ten points leave 1e-12. An interval is
-   filled when s enters it with a set of gauges, at the cost of n order^2 LOW_NODES multiplications, and LOW_INTERVALS
+   A step costs two readings of [H, X_t, m]. C, g, cov f, P_ii, and G D G' and tr(P D) of current_errors.c follow s,
+   which moves in flight. Each is analytic in s^2 but for the negative axis, so that in ln s the next singularity is pi / 2
+   away: with Chebyshev points in an interval of half width h the error of their polynomial falls as rho^-LOW_NODES,
+   rho = k + sqrt(k^2 + 1), k = pi / 2 / h. For a factor sqrt 2, h = 0.173 and rho = 18.2: twelve points leave 1e-14. An
+   interval is filled when s enters it with a set of gauges, by 2 n order^2 LOW_NODES multiplications, and LOW_INTERVALS
    are kept. A lost gauge is a row of weight 0: what a step costs does not depend on how many there are.
 
    docs/explanation/dynamic_pressure.md, "Many gauges". tests/estimator/test_low_rank.py compares it with the dense
@@ -58,7 +58,7 @@ static size_t rows_of(const Map *map) {
 }
 
 static size_t most_columns(const Map *map) {
-    return (states_of(map) + 1 + LANES) / LANES * LANES + LANES;
+    return (states_of(map) + 1 + TILE) / TILE * TILE;
 }
 
 static size_t most_width(const Map *map) {
@@ -68,40 +68,44 @@ static size_t most_width(const Map *map) {
 void low_rank_arrays(Scaled *scaled, Room *room) {
     const Map *map = scaled->map;
     LowRank *low = &scaled->low;
-    ScaledStep *step = &scaled->step;
     const size_t n = map->n_gauges, states = states_of(map), order = most_columns(map), width = most_width(map);
-    const size_t terms = 6 * map->form.n_terms;
+    const size_t terms = 6 * map->form.n_terms, n_free = map->form.n_free;
     low->row = taken(room, n * width);
+    TAKE(room, order, &low->size, &low->prior);
+    TAKE(room, width, &low->of_residual, &low->x);
+    TAKE(room, N_LOADS * order, &low->load, &low->load_left);
+    TAKE(room, n, &low->noise, &low->weight, &low->error, &low->weighted, &low->precision);
+    low->covariance = taken(room, triangle_column(order));
+    low->column = taken(room, (N_LOADS + 1) * order);
+    for (size_t k = 0; k < LOW_INTERVALS; k++) {
+        low->interval[k].covariance = taken(room, LOW_NODES * triangle_column(order));
+        low->interval[k].column = taken(room, LOW_NODES * (N_LOADS + 1) * order);
+        low->interval[k].precision = taken(room, LOW_NODES * n);
+        low->interval[k].value = taken(room, LOW_NODES * N_LOW_VALUES);
+    }
+    /* Of an interval, or at a ratio of 1. */
     TAKE(room, n * order, &low->along, &low->nominal_along);
-    TAKE(room, width * width, &low->gram, &low->nominal_gram);
-    TAKE(room, order * order, &low->at_step.triangle, &low->nominal.triangle);
-    TAKE(room, order, &low->at_step.product, &low->at_step.scale, &low->nominal.product, &low->nominal.scale);
-    TAKE(room, width, &low->size, &low->prior, &low->of_residual, &low->v);
-    TAKE(room, N_LOADS * order, &low->load, &low->load_at, &low->solved);
-    TAKE(room, n, &low->noise, &low->weight, &low->weighted, &low->error, &low->sized, &low->nominal_weight,
-         &low->nominal_precision);
+    TAKE(room, n, &low->nominal_weight, &low->nominal_precision, &low->sized, &low->vector);
+    low->gram = taken(room, width * width);
+    TAKE(room, order * order, &low->triangle, &low->inverse, &low->square);
+    TAKE(room, order, &low->product, &low->scale, &low->ones);
+    low->rows = taken(room, LANES * order);
     low->gain = taken(room, N_LOADS * n);
     low->of_term = taken(room, terms * order);
-    TAKE(room, terms, &low->term_load[0], &low->term_load[1], &low->term_load[2], &low->term_load[3], &low->term_load[4]);
+    low->term_load = taken(room, N_LOADS * terms);
     low->term_square = taken(room, terms * 6);
-    low->all_free = taken(room, map->n_states * map->n_states);
-    TAKE(room, map->n_states * map->n_states + map->n_states, &low->free, &low->ratio);
-    for (size_t k = 0; k < LOW_INTERVALS; k++) {
-        low->interval[k].gram = taken(room, LOW_NODES * width * width);
-        low->interval[k].precision = taken(room, LOW_NODES * n);
-        low->interval[k].value = taken(room, LOW_NODES * N_VALUES * N_PAIRS);
-    }
+    TAKE(room, n_free * n_free, &low->all_free, &low->free);
+    low->ratio = taken(room, n_free * n_free + n_free);
+    low->all_gauges = piece(room, n, 1);
     /* Of the preparation alone. */
     low->whole = taken(room, n * states);
-    low->all_gauges = piece(room, n, 1);
     low->head = taken(room, 2 * states);
     low->turned = taken(room, 2 * states * states);
     low->kept = taken(room, states * states);
     low->scratch = taken(room, orthogonal_rows_doubles(states, 2 * states));
     TAKE(room, N_LOADS * states, &low->of_free, &low->of_column);
-    low->vector = taken(room, n);
-    TAKE(room, n, &step->z, &step->w);
-    step->lost = piece(room, n, sizeof *step->lost);
+    TAKE(room, n, &scaled->step.z, &scaled->step.w);
+    scaled->step.lost = piece(room, n, sizeof *scaled->step.lost);
 }
 
 /* s^2 w grows with s: at the largest pressure columns are largest over the noise. */
@@ -207,7 +211,7 @@ static size_t take_columns(Scaled *scaled, const double *root) {
         for (size_t i = 0; i < N_LOADS; i++) {
             double *left = low->of_column + i * states;
             const double along = dot(count, left, row) / size;
-            low->load[i * low->order + kept] = along;
+            low->load[i * low->order + kept] = along / size;
             add_times(count, -along / size, row, left);
         }
     }
@@ -245,7 +249,7 @@ void low_rank_prepare(Scaled *scaled) {
     for (size_t k = 0; k < rows_of(map); k++) { /* columns are counted before rows are laid out */
         low->order += size_of(scaled, k) > SMALLEST;
     }
-    low->order = in_lanes(low->order + 1 + n_free);
+    low->order = (low->order + n_free + TILE) / TILE * TILE;
     low->width = (low->order + N_LOADS + 1 + TILE - 1) / TILE * TILE;
     memset(low->row, 0, n * low->width * sizeof *low->row);
     memset(low->load, 0, N_LOADS * low->order * sizeof *low->load);
@@ -278,7 +282,7 @@ void low_rank_renew(Scaled *scaled, size_t n_strains, const double *zero_std) {
         low->row[i * low->width + low->n_scaled] = sqrt(low->common);
     }
     for (size_t k = 0; k < LOW_INTERVALS; k++) {
-        low->interval[k].below = NAN;
+        low->interval[k].number = NAN;
     }
     low->next = 0;
     low->grouped = 0;
@@ -292,6 +296,14 @@ static void set_weight(const Scaled *scaled, const unsigned char *mask, double s
         const double variance = scaled->low.noise[i] + s * s * scaled->map->own_variance[i];
         weight[i] = mask[i] ? 1.0 / variance : 0.0;
     }
+}
+
+/* The size of a column at a ratio. */
+static double size_at(const LowRank *low, double s, size_t column) {
+    if (column < low->n_scaled) {
+        return s * low->size[column];
+    }
+    return low->prior[column] > 0.0 ? 1.0 : s;
 }
 
 /* The tile of K from columns `first` and `second` on, of some gauges, added to it. */
@@ -335,68 +347,119 @@ EVERYWHERE void set_gram(size_t n, size_t width, const double *row, const double
 FOR_AVX2(set_gram, (size_t n, size_t width, const double *row, const double *weight, double *gram),
          (n, width, row, weight, gram))
 
-/* The sizes over D, the loads, A and its root, for the K at a ratio. 0 where A is none. */
-static int set_information(const Scaled *scaled, double s, const double *gram, const InformationRoot *root) {
-    const LowRank *low = &scaled->low;
-    const size_t order = low->order, width = low->width, n_free = scaled->map->form.n_free;
-    double *triangle = root->triangle;
+/* t, D and L at a ratio, of K there. 0 where A has no root. */
+static int set_information(Scaled *scaled, double s) {
+    LowRank *low = &scaled->low;
+    const size_t order = low->order, width = low->width;
+    int good = 1;
     for (size_t c = 0; c < order; c++) {
-        const double size = c < low->n_scaled ? s * low->size[c] : c + n_free < order ? 1.0 : s;
-        const double scale = sqrt(low->prior[c] + size * size * gram[c * width + c]);
-        root->product[c] = size / scale;
-        root->scale[c] = scale;
+        const double size = size_at(low, s, c);
+        low->scale[c] = sqrt(low->prior[c] + size * size * low->gram[c * width + c]);
+        low->product[c] = size / low->scale[c];
     }
     for (size_t i = 0; i < order; i++) {
         for (size_t j = i; j < order; j++) {
-            triangle[i * order + j] = root->product[i] * gram[i * width + j] * root->product[j];
+            low->triangle[i * order + j] = low->product[i] * low->gram[i * width + j] * low->product[j];
         }
-        triangle[i * order + i] += low->prior[i] / (root->scale[i] * root->scale[i]);
+        low->triangle[i * order + i] += low->prior[i] / (low->scale[i] * low->scale[i]);
     }
-    cholesky(scaled->wide, order, triangle);
-    int good = 1;
+    cholesky(scaled->wide, order, low->triangle);
     for (size_t i = 0; i < order; i++) {
-        good = good && triangle[i * order + i] > 0.0 && isfinite(triangle[i * order + i]);
+        good = good && low->triangle[i * order + i] > 0.0 && isfinite(low->triangle[i * order + i]);
     }
     return good;
 }
 
-/* load = s F / D and Y. */
-static void set_loads(Scaled *scaled, double s, const double *gram) {
-    LowRank *low = &scaled->low;
-    const size_t order = low->order, width = low->width;
-    for (size_t i = 0; i < N_LOADS; i++) {
-        for (size_t c = 0; c < order; c++) {
-            const double load = s * low->load[i * order + c] / low->at_step.scale[c];
-            low->load_at[i * order + c] = load;
-            low->solved[i * order + c] = load - s * s * (low->at_step.product[c] * gram[c * width + order + i]);
-        }
-    }
-    solve_lower(scaled->wide, order, low->at_step.triangle, N_LOADS, low->solved);
-}
-
-/* B of all gauges, and P_ii. */
-static void set_precision(const Scaled *scaled, const double *weight, const InformationRoot *root, double *along_rows,
-                          double *precision) {
+/* B = L^-1 t h of all gauges, and P_ii. */
+static void set_precision(const Scaled *scaled, const double *weight, double *along_rows, double *precision) {
     const LowRank *low = &scaled->low;
     const size_t n = scaled->map->n_gauges, order = low->order;
     for (size_t i = 0; i < n; i++) {
-        const double *row = low->row + i * low->width;
         for (size_t c = 0; c < order; c++) {
-            along_rows[i * order + c] = root->product[c] * row[c];
+            along_rows[i * order + c] = low->product[c] * low->row[i * low->width + c];
         }
     }
-    solve_lower(scaled->wide, order, root->triangle, n, along_rows);
+    solve_lower(scaled->wide, order, low->triangle, n, along_rows);
     for (size_t i = 0; i < n; i++) {
         const double *along = along_rows + i * order;
         precision[i] = weight[i] - weight[i] * (weight[i] * dot(order, along, along));
     }
 }
 
-static double gain_of(const Scaled *scaled, double s, size_t load, size_t gauge) {
-    const LowRank *low = &scaled->low;
+/* C = t L'^-1 L^-1 t, packed by rows from the diagonal on. */
+static void set_covariance(Scaled *scaled, double *covariance) {
+    LowRank *low = &scaled->low;
     const size_t order = low->order;
-    return dot(order, low->solved + load * order, low->along + gauge * order)
-         + s * s * low->row[gauge * low->width + order + load];
+    invert_lower(scaled->wide, order, low->triangle, low->rows, low->inverse);
+    for (size_t i = 0; i < order; i++) {
+        low->ones[i] = 1.0;
+        memset(low->inverse + i * order + i + 1, 0, (order - i - 1) * sizeof *low->inverse);
+    }
+    CHOSEN(scaled->wide, set_gram)(order, order, low->inverse, low->ones, low->square);
+    for (size_t i = 0; i < order; i++) {
+        for (size_t j = i; j < order; j++) {
+            *covariance++ = low->product[i] * low->square[i * order + j] * low->product[j];
+        }
+    }
+}
+
+/* g and g_m, and F' = F - s^2 g. */
+static void set_columns(const LowRank *low, double s, double *column, double *load_left) {
+    const size_t order = low->order;
+    for (size_t k = 0; k <= N_LOADS; k++) {
+        for (size_t c = 0; c < order; c++) {
+            column[k * order + c] = low->gram[c * low->width + order + k];
+        }
+    }
+    for (size_t k = 0; k < N_LOADS * order; k++) {
+        load_left[k] = low->load[k] - s * s * column[k];
+    }
+}
+
+/* C x of a packed C. */
+EVERYWHERE void times_covariance(size_t order, const double *restrict covariance, const double *restrict x,
+                                 double *restrict out) {
+    memset(out, 0, order * sizeof *out);
+    for (size_t i = 0; i < order; i++) {
+        out[i] += sum_of_products(order - i, covariance, x + i);
+        add_times(order - i - 1, x[i], covariance + 1, out + i + 1);
+        covariance += order - i;
+    }
+}
+
+/* cov f row by row (15), then F' C g_m + s^2 X_t' W m. */
+static void set_base(const Scaled *scaled, double s, const double *covariance, const double *column, double *base) {
+    const LowRank *low = &scaled->low;
+    const size_t order = low->order, width = low->width;
+    double *x = low->x, *of_mean = base + 15;
+    for (size_t i = 0; i < N_LOADS; i++) {
+        const double *gram = low->gram + (order + i) * width + order;
+        times_covariance(order, covariance, low->load_left + i * order, x);
+        for (size_t j = i; j < N_LOADS; j++) {
+            const double rest = low->rest[i * N_LOADS + j] - s * s * gram[j];
+            *base++ = dot(order, x, low->load_left + j * order) + s * s * rest;
+        }
+        of_mean[i] = dot(order, x, column + N_LOADS * order) + s * s * gram[N_LOADS];
+    }
+}
+
+/* G of all gauges. */
+static void set_gain(const Scaled *scaled, double s, const double *weight) {
+    const LowRank *low = &scaled->low;
+    const size_t n = scaled->map->n_gauges, order = low->order;
+    double *solved = low->square; /* L^-1 t F' */
+    for (size_t i = 0; i < N_LOADS; i++) {
+        for (size_t c = 0; c < order; c++) {
+            solved[i * order + c] = low->product[c] * low->load_left[i * order + c];
+        }
+    }
+    solve_lower(scaled->wide, order, low->triangle, N_LOADS, solved);
+    for (size_t i = 0; i < N_LOADS; i++) {
+        for (size_t g = 0; g < n; g++) {
+            const double rest = s * s * low->row[g * low->width + order + i];
+            low->gain[i * n + g] = weight[g] * (dot(order, solved + i * order, low->along + g * order) + rest);
+        }
+    }
 }
 
 /* What own errors of the gauges at the current strain add, by pair of coefficients. */
@@ -429,7 +492,7 @@ static void add_common(Scaled *scaled, const double *weight, double *value) {
             add_times(order, low->sized[g], low->along + g * order, low->of_term + t * order);
         }
         for (size_t i = 0; i < N_LOADS; i++) {
-            low->term_load[i][t] = dot(n, low->gain + i * n, common + t * n);
+            low->term_load[i * terms + t] = dot(n, low->gain + i * n, common + t * n);
         }
         for (size_t b = 0; b < 6; b++) {
             low->term_square[6 * t + b] = dot(n, low->sized, common + (t / 6 * 6 + b) * n);
@@ -443,8 +506,8 @@ static void add_common(Scaled *scaled, const double *weight, double *value) {
                 double *of_pair = value + pair;
                 for (size_t i = 0; i < N_LOADS; i++) {
                     for (size_t j = i; j < N_LOADS; j++, of_pair += N_PAIRS) {
-                        *of_pair += 0.5 * twice * (low->term_load[i][p] * low->term_load[j][q]
-                                                   + low->term_load[i][q] * low->term_load[j][p]);
+                        *of_pair += 0.5 * twice * (low->term_load[i * terms + p] * low->term_load[j * terms + q]
+                                                   + low->term_load[i * terms + q] * low->term_load[j * terms + p]);
                     }
                 }
                 *of_pair += twice * (low->term_square[6 * p + b]
@@ -454,13 +517,13 @@ static void add_common(Scaled *scaled, const double *weight, double *value) {
     }
 }
 
-/* Chebyshev's points cos((2 k + 1) pi / 20), as constants, so that no platform rounds them otherwise. */
-static const double POINT[LOW_NODES] = {0x1.f9b24942fe45cp-1,  0x1.c83201d3d2c6dp-1,  0x1.6a09e667f3bcdp-1,
-                                        0x1.d0e2e2b44de01p-2,  0x1.4060b67a85375p-3,  -0x1.4060b67a85375p-3,
-                                        -0x1.d0e2e2b44de01p-2, -0x1.6a09e667f3bcdp-1, -0x1.c83201d3d2c6dp-1,
-                                        -0x1.f9b24942fe45cp-1};
+/* Chebyshev's points cos((2 k + 1) pi / 24), as constants, so that no platform rounds them otherwise. */
+static const double POINT[LOW_NODES] = {0x1.fb9ea92ec689bp-1, 0x1.d906bcf328d46p-1, 0x1.963268b572492p-1,
+                                        0x1.37af93f9513eap-1, 0x1.87de2a6aea963p-2, 0x1.0b5150f6da2d1p-3,
+                                        -0x1.0b5150f6da2d1p-3, -0x1.87de2a6aea963p-2, -0x1.37af93f9513eap-1,
+                                        -0x1.963268b572492p-1, -0x1.d906bcf328d46p-1, -0x1.fb9ea92ec689bp-1};
 
-/* Polynomials of Lagrange at a point t. */
+/* Polynomials of Lagrange at t. */
 static void set_parts(double t, double part[LOW_NODES]) {
     for (size_t k = 0; k < LOW_NODES; k++) {
         part[k] = 1.0;
@@ -473,25 +536,23 @@ static void set_parts(double t, double part[LOW_NODES]) {
 static void fill(Scaled *scaled, const MaskedMap *masked, LowInterval *interval) {
     const Map *map = scaled->map;
     LowRank *low = &scaled->low;
-    const size_t n = map->n_gauges, width = low->width;
-    memset(interval->value, 0, LOW_NODES * N_VALUES * N_PAIRS * sizeof *interval->value);
+    const size_t n = map->n_gauges, order = low->order;
+    memset(interval->value, 0, LOW_NODES * N_LOW_VALUES * sizeof *interval->value);
     for (size_t k = 0; k < LOW_NODES; k++) {
-        double *gram = interval->gram + k * width * width, *precision = interval->precision + k * n;
-        double *value = interval->value + k * N_VALUES * N_PAIRS;
+        double *covariance = interval->covariance + k * triangle_column(order), *precision = interval->precision + k * n;
+        double *column = interval->column + k * (N_LOADS + 1) * order, *value = interval->value + k * N_LOW_VALUES;
         const double s = interval->middle * exponential(LOW_HALF_WIDTH * POINT[k]);
         set_weight(scaled, masked->mask, s, low->weight);
-        CHOSEN(scaled->wide, set_gram)(n, width, low->row, low->weight, gram);
-        set_information(scaled, s, gram, &low->at_step);
-        set_loads(scaled, s, gram);
-        set_precision(scaled, low->weight, &low->at_step, low->along, precision);
+        CHOSEN(scaled->wide, set_gram)(n, low->width, low->row, low->weight, low->gram);
+        set_information(scaled, s);
+        set_covariance(scaled, covariance);
+        set_columns(low, s, column, low->load_left);
+        set_base(scaled, s, covariance, column, value);
+        set_precision(scaled, low->weight, low->along, precision);
         if (map->form.has_errors) {
-            for (size_t i = 0; i < N_LOADS; i++) {
-                for (size_t g = 0; g < n; g++) {
-                    low->gain[i * n + g] = low->weight[g] * gain_of(scaled, s, i, g);
-                }
-            }
-            add_own(scaled, precision, value);
-            add_common(scaled, low->weight, value);
+            set_gain(scaled, s, low->weight);
+            add_own(scaled, precision, value + N_BASE);
+            add_common(scaled, low->weight, value + N_BASE);
         }
     }
 }
@@ -501,72 +562,59 @@ static const LowInterval *interval_at(Scaled *scaled, const MaskedMap *masked, d
     LowRank *low = &scaled->low;
     const double number = floor(logarithm(s) / (2.0 * LOW_HALF_WIDTH));
     for (size_t k = 0; k < LOW_INTERVALS; k++) {
-        if (low->interval[k].below == number && low->interval[k].number == masked->number) {
+        if (low->interval[k].number == number && low->interval[k].gauges == masked->number) {
             return &low->interval[k];
         }
     }
     LowInterval *interval = &low->interval[low->next];
     low->next = (low->next + 1) % LOW_INTERVALS;
-    interval->below = number;
-    interval->number = masked->number;
+    interval->number = number;
+    interval->gauges = masked->number;
     interval->middle = exponential((2.0 * number + 1.0) * LOW_HALF_WIDTH);
     fill(scaled, masked, interval);
     return interval;
 }
 
-/* sum of the parts of `count` numbers at each point. */
-EVERYWHERE void interpolate(size_t count, size_t apart, const double *restrict at_points, const double *restrict part,
-                            double *restrict out) {
-    for (size_t i = 0; i < count; i++) {
-        out[i] = part[0] * at_points[i];
-    }
-    for (size_t k = 1; k < LOW_NODES; k++) {
+/* The sums of `count` numbers at all points. */
+EVERYWHERE void interpolate(size_t count, const double *restrict at_points, const double *restrict part, double *restrict out) {
+    memset(out, 0, count * sizeof *out);
+    for (size_t k = 0; k < LOW_NODES; k += 4) {
+        const double *a = at_points + k * count, *b = a + count, *c = b + count, *d = c + count;
         for (size_t i = 0; i < count; i++) {
-            out[i] += part[k] * at_points[k * apart + i];
+            out[i] += (part[k] * a[i] + part[k + 1] * b[i]) + (part[k + 2] * c[i] + part[k + 3] * d[i]);
         }
     }
 }
 
-FOR_AVX2(interpolate, (size_t count, size_t apart, const double *at_points, const double *part, double *out),
-         (count, apart, at_points, part, out))
+FOR_AVX2(interpolate, (size_t count, const double *at_points, const double *part, double *out),
+         (count, at_points, part, out))
 
 /* Everything that follows from the gauges in use and the ratio. */
 static void prepare_step(Scaled *scaled, const MaskedMap *masked, double s) {
     const Map *map = scaled->map;
     LowRank *low = &scaled->low;
     ScaledStep *step = &scaled->step;
-    const size_t order = low->order, width = low->width, end = order + N_LOADS;
+    const size_t order = low->order;
     low->at = interval_at(scaled, masked, s);
     set_parts((logarithm(s) - logarithm(low->at->middle)) / LOW_HALF_WIDTH, low->part);
-    for (size_t i = 0; i < width; i++) {
-        const size_t first = i / TILE * TILE;
-        CHOSEN(scaled->wide, interpolate)(width - first, width * width, low->at->gram + i * width + first, low->part,
-                                          low->gram + i * width + first);
-    }
+    CHOSEN(scaled->wide, interpolate)(triangle_column(order), low->at->covariance, low->part, low->covariance);
+    CHOSEN(scaled->wide, interpolate)((N_LOADS + 1) * order, low->at->column, low->part, low->column);
+    interpolate(N_LOW_VALUES, low->at->value, low->part, low->value);
     set_weight(scaled, masked->mask, s, low->weight);
-    set_information(scaled, s, low->gram, &low->at_step);
-    set_loads(scaled, s, low->gram);
-    for (size_t c = 0; c < order; c++) {
-        low->v[c] = low->at_step.product[c] * low->gram[c * width + end];
-    }
-    solve_lower(scaled->wide, order, low->at_step.triangle, 1, low->v);
-    for (size_t i = 0; i < N_LOADS; i++) {
-        const double *solved = low->solved + i * order;
-        const double of_mean = dot(order, solved, low->v) + s * s * low->gram[(order + i) * width + end];
-        step->per_pressure[i] = (map->form.load_of_mean[i] - of_mean) / map->dynamic_pressure;
-        for (size_t j = i; j < N_LOADS; j++) {
-            const double squares = dot(order, solved, low->solved + j * order);
-            const double left = low->rest[i * N_LOADS + j] - s * s * low->gram[(order + i) * width + order + j];
-            step->base[i * N_LOADS + j] = step->base[j * N_LOADS + i] = squares + s * s * left;
+    for (size_t i = 0, k = 0; i < N_LOADS; i++) {
+        for (size_t j = i; j < N_LOADS; j++, k++) {
+            step->base[i * N_LOADS + j] = step->base[j * N_LOADS + i] = low->value[k];
         }
+        step->per_pressure[i] = (map->form.load_of_mean[i] - low->value[15 + i]) / map->dynamic_pressure;
     }
     step->masked = masked;
     step->number = masked->number;
     step->ratio = s;
     step->n_lost = map->n_gauges - masked->n_used;
+    low->has_precision = 0;
 }
 
-/* H' W r of all columns, four gauges at a time. */
+/* [H, X_t, m]' W r, four gauges at a time. */
 EVERYWHERE void along_rows(size_t n, size_t width, const double *restrict row, const double *restrict x, double *restrict out) {
     memset(out, 0, width * sizeof *out);
     size_t g = 0;
@@ -581,15 +629,7 @@ EVERYWHERE void along_rows(size_t n, size_t width, const double *restrict row, c
     }
 }
 
-/* r - H x. */
-EVERYWHERE void take_rows(size_t n, size_t width, size_t order, const double *restrict row, const double *restrict x,
-                          double *restrict residual) {
-    for (size_t g = 0; g < n; g++) {
-        residual[g] -= sum_of_products(order, row + g * width, x);
-    }
-}
-
-/* r, then v and e. */
+/* r, then x and e. */
 EVERYWHERE void solve_sample(Scaled *scaled, const double *strain) {
     const ScaledForm *form = &scaled->map->form;
     LowRank *low = &scaled->low;
@@ -600,72 +640,53 @@ EVERYWHERE void solve_sample(Scaled *scaled, const double *strain) {
         low->weighted[i] = low->weight[i] * low->error[i];
     }
     along_rows(n, width, low->row, low->weighted, low->of_residual);
-    for (size_t c = 0; c < order; c++) {
-        low->v[c] = low->at_step.product[c] * low->of_residual[c];
+    times_covariance(order, low->covariance, low->of_residual, low->x);
+    for (size_t i = 0; i < n; i++) {
+        low->error[i] -= sum_of_products(order, low->row + i * width, low->x);
+        low->weighted[i] = low->weight[i] * low->error[i];
     }
-    solve_lower(scaled->wide, order, low->at_step.triangle, 1, low->v);
-    solve_upper(scaled->wide, order, low->at_step.triangle, 1, low->v);
-    for (size_t c = 0; c < order; c++) {
-        low->of_residual[c] = low->at_step.product[c] * low->v[c];
-    }
-    take_rows(n, width, order, low->row, low->of_residual, low->error);
 }
 
 FOR_AVX2(solve_sample, (Scaled *scaled, const double *strain), (scaled, strain))
 
-/* What errors at the current strain add to the covariance; the trace of P D. */
-static double add_errors(Scaled *scaled) {
-    const ScaledForm *form = &scaled->map->form;
-    const LowRank *low = &scaled->low;
+/* Errors at the current strain: to the covariance, and to the limits. */
+static void add_errors(Scaled *scaled) {
+    LowRank *low = &scaled->low;
     ScaledStep *step = &scaled->step;
-    double power[N_PAIRS], value[N_VALUES] = {0.0};
+    const double square = step->ratio * step->ratio, *value = low->value + N_BASE;
+    double product[N_PAIRS];
     memcpy(step->covariance, step->base, sizeof step->covariance);
-    if (!form->has_errors) {
-        return 0.0;
-    }
-    set_products_of_coefficients(scaled, power);
-    for (size_t k = 0; k < LOW_NODES; k++) {
-        for (size_t v = 0; v < N_VALUES; v++) {
-            value[v] += low->part[k] * dot(N_PAIRS, low->at->value + (k * N_VALUES + v) * N_PAIRS, power);
-        }
-    }
-    for (size_t i = 0, v = 0; i < N_LOADS; i++) {
-        for (size_t j = i; j < N_LOADS; j++, v++) {
-            step->covariance[i * N_LOADS + j] += step->ratio * step->ratio * value[v];
+    set_products_of_coefficients(scaled, product);
+    for (size_t i = 0; i < N_LOADS; i++) {
+        for (size_t j = i; j < N_LOADS; j++, value += N_PAIRS) {
+            step->covariance[i * N_LOADS + j] += square * dot(N_PAIRS, value, product);
             step->covariance[j * N_LOADS + i] = step->covariance[i * N_LOADS + j];
         }
     }
-    return value[N_VALUES - 1];
+    set_limit_ratio(scaled, dot(N_PAIRS, value, product));
 }
 
 void low_rank_condition(Scaled *scaled, const MaskedMap *masked, const double *strain) {
     const ScaledForm *form = &scaled->map->form;
     LowRank *low = &scaled->low;
     ScaledStep *step = &scaled->step;
-    const size_t n = scaled->map->n_gauges, order = low->order, width = low->width;
+    const size_t order = low->order;
     const double s = step->pressure / scaled->map->dynamic_pressure;
     if (step->masked != masked || step->number != masked->number || step->ratio != s) {
         prepare_step(scaled, masked, s);
     }
     CHOSEN(scaled->wide, solve_sample)(scaled, strain);
-    step->chi_square = 0.0;
-    for (size_t i = 0; i < n; i++) {
-        low->weighted[i] = low->weight[i] * low->error[i];
-    }
-    step->chi_square = dot(n, low->weighted, low->error);
+    step->chi_square = dot(scaled->map->n_gauges, low->weighted, low->error);
     for (size_t c = 0; c < order; c++) {
-        const double amplitude = low->prior[c] * low->v[c] / low->at_step.scale[c];
+        const double amplitude = low->prior[c] * low->x[c] / size_at(low, s, c);
         step->chi_square += amplitude * amplitude;
     }
-    for (size_t i = 0; i < N_LOADS; i++) {
-        double rest = low->of_residual[order + i]; /* X_t' W r, then X_t' W e */
-        for (size_t c = 0; c < order; c++) {
-            rest -= low->gram[c * width + order + i] * low->of_residual[c];
-        }
-        step->loads[i] = form->fixed_load[i] + s * form->load_of_mean[i]
-                       + (dot(order, low->load_at + i * order, low->v) + s * s * rest);
+    for (size_t i = 0; i < N_LOADS; i++) { /* X_t' W e = X_t' W r - g' x */
+        const double rest = low->of_residual[order + i] - dot(order, low->column + i * order, low->x);
+        const double of_mean = form->fixed_load[i] + s * form->load_of_mean[i];
+        step->loads[i] = of_mean + (dot(order, low->load + i * order, low->x) + s * s * rest);
     }
-    set_limit_ratio(scaled, add_errors(scaled));
+    add_errors(scaled);
 }
 
 /* A P_ii of the size of rounding means that no other gauge checks this one. */
@@ -677,38 +698,37 @@ static int is_checked(const Scaled *scaled, size_t gauge, double precision) {
 void low_rank_residuals(Scaled *scaled, double *z) {
     LowRank *low = &scaled->low;
     const MaskedMap *m = scaled->step.masked;
-    const size_t n = scaled->map->n_gauges;
-    CHOSEN(scaled->wide, interpolate)(n, n, low->at->precision, low->part, low->sized);
+    if (!low->has_precision) {
+        CHOSEN(scaled->wide, interpolate)(scaled->map->n_gauges, low->at->precision, low->part, low->precision);
+        low->has_precision = 1;
+    }
     for (size_t k = 0; k < m->n_used; k++) {
         const size_t i = m->used[k];
-        z[i] = is_checked(scaled, i, low->sized[i]) ? low->weighted[i] / sqrt(low->sized[i]) : 0.0;
+        z[i] = is_checked(scaled, i, low->precision[i]) ? low->weighted[i] / sqrt(low->precision[i]) : 0.0;
     }
 }
 
 double low_rank_gain(Scaled *scaled, size_t k, double *gain) {
     LowRank *low = &scaled->low;
-    const ScaledStep *step = &scaled->step;
-    const size_t n = scaled->map->n_gauges, order = low->order;
-    double *x = low->v;
-    memcpy(x, low->solved + k * order, order * sizeof *x);
-    solve_upper(scaled->wide, order, low->at_step.triangle, 1, x);
+    const size_t order = low->order;
+    const double square = scaled->step.ratio * scaled->step.ratio;
     for (size_t c = 0; c < order; c++) {
-        x[c] *= low->at_step.product[c];
+        low->of_residual[c] = low->load[k * order + c] - square * low->column[k * order + c];
     }
-    for (size_t g = 0; g < n; g++) {
+    times_covariance(order, low->covariance, low->of_residual, low->x);
+    for (size_t g = 0; g < scaled->map->n_gauges; g++) {
         const double *row = low->row + g * low->width;
-        gain[g] = low->weight[g] * (dot(order, row, x) + step->ratio * step->ratio * row[order + k]);
+        gain[g] = low->weight[g] * (dot(order, row, low->x) + square * row[order + k]);
     }
-    return step->per_pressure[k];
+    return scaled->step.per_pressure[k];
 }
 
-/* A at a ratio of 1 for a set of gauges, which scaled->step does not need. 0 where it has no root. */
+/* The root of A at a ratio of 1 for a set of gauges. 0 where it has none. */
 static int set_nominal(Scaled *scaled, const unsigned char *mask) {
     LowRank *low = &scaled->low;
-    low->grouped = 0;
     set_weight(scaled, mask, 1.0, low->nominal_weight);
-    CHOSEN(scaled->wide, set_gram)(scaled->map->n_gauges, low->width, low->row, low->nominal_weight, low->nominal_gram);
-    return set_information(scaled, 1.0, low->nominal_gram, &low->nominal);
+    CHOSEN(scaled->wide, set_gram)(scaled->map->n_gauges, low->width, low->row, low->nominal_weight, low->gram);
+    return set_information(scaled, 1.0);
 }
 
 /* The root of the information on the free states, in their own units, by rows. */
@@ -717,8 +737,8 @@ static void free_root(const Scaled *scaled, double *root) {
     const size_t n_free = scaled->map->form.n_free, order = low->order, first = order - n_free;
     for (size_t i = 0; i < n_free; i++) {
         for (size_t j = 0; j < n_free; j++) {
-            const double element = low->nominal.triangle[(first + j) * order + first + i];
-            root[i * n_free + j] = j > i ? 0.0 : low->nominal.scale[first + i] * element;
+            const double element = low->triangle[(first + j) * order + first + i];
+            root[i * n_free + j] = j > i ? 0.0 : low->scale[first + i] * element;
         }
     }
 }
@@ -771,7 +791,7 @@ void low_rank_group(Scaled *scaled, MaskedMap *masked, size_t worst) {
     size_t *group = masked->group, *member = scaled->step.lost, members = 1, first = worst;
     if (low->grouped != masked->number) {
         set_nominal(scaled, masked->mask);
-        set_precision(scaled, low->nominal_weight, &low->nominal, low->nominal_along, low->nominal_precision);
+        set_precision(scaled, low->nominal_weight, low->nominal_along, low->nominal_precision);
         low->grouped = masked->number;
     }
     for (size_t k = 0; k < masked->n_used; k++) {

@@ -184,58 +184,59 @@ typedef struct {
     double loads[N_LOADS], covariance[N_LOADS * N_LOADS];
 } ScaledStep;
 
-/* Many gauges with few columns of errors: low_rank.c. n_states and n_errors make up to `order` columns of the rows
-   [H, X_t, m], `width` apart. */
-#define LOW_NODES 10
-#define LOW_INTERVALS 4                  /* of the ratio, each for a set of gauges, that are kept */
+/* Many gauges with few columns of errors, low_rank.c: their `order` columns H are the first of rows [H, X_t, m], which are
+   `width` apart. */
+#define LOW_NODES 12
+#define LOW_INTERVALS 4                     /* of the ratio, each for a set of gauges, that are kept */
 #define LOW_HALF_WIDTH 0x1.62e42fefa39efp-3 /* of an interval of its logarithm: ln 2 / 4 */
+#define N_BASE 20                           /* cov f row by row, F' C g_m + s^2 X_t' W m */
+#define N_LOW_VALUES (N_BASE + 16 * N_PAIRS) /* then G D G' and tr(P D) by products c_a c_b */
 
 typedef struct {
-    double below;         /* its number; NaN before it is known */
-    unsigned long number; /* of the set of gauges */
-    double middle;        /* ratio */
-    double *gram;         /* (LOW_NODES, width, width) K at each point, right on and above its diagonal */
-    double *precision;    /* (LOW_NODES, n_gauges) P_ii */
-    double *value;        /* (LOW_NODES, 16, 21) errors in proportion to strain: G D G' and tr(P D) by products c_a c_b */
+    double number;         /* of the interval; NaN before it is known */
+    unsigned long gauges;  /* number of the set of gauges */
+    double middle;         /* ratio */
+    double *covariance;    /* (LOW_NODES, order (order + 1) / 2) C at each point, packed by rows from the diagonal on */
+    double *column;        /* (LOW_NODES, 6, order) g and g_m */
+    double *precision;     /* (LOW_NODES, n_gauges) P_ii */
+    double *value;         /* (LOW_NODES, N_LOW_VALUES) */
 } LowInterval;
 
-/* The root of A (order, order), by columns, the sizes of its columns over D, and D. */
 typedef struct {
-    double *triangle, *product, *scale;
-} InformationRoot;
-
-typedef struct {
-    size_t order, width, n_scaled; /* columns of H; of a row; of those that scale, which have an S */
-    double *row;               /* (n_gauges, width) [H, X_t, m] */
-    double *size, *prior;      /* (order) S; 1, or 0 for a free state */
-    double *load;              /* (5, order) F */
+    size_t order, width, n_scaled;  /* n_scaled: the first columns, which have an S */
+    double *row;                    /* (n_gauges, width) [H, X_t, m] */
+    double *size, *prior;           /* (order) S; 1, or 0 for a free state */
+    double *load;                   /* (5, order) F */
     double rest[N_LOADS * N_LOADS]; /* F_t */
-    double *noise, common;     /* (n_gauges) a; the variance of what the zeros have in common */
+    double *noise, common;          /* (n_gauges) a; the variance of what the zeros have in common */
     LowInterval interval[LOW_INTERVALS];
-    size_t next;               /* the one to give way */
+    size_t next;                    /* the one to give way */
     /* Of the step, by its gauges in use and its ratio: */
     const LowInterval *at;
-    double part[LOW_NODES];    /* polynomials of Lagrange */
-    double *gram;              /* (width, width) K */
-    InformationRoot at_step;
-    double *load_at, *solved;  /* (5, order) load; Y */
-    double *weight;            /* (n_gauges) w */
+    double part[LOW_NODES];         /* polynomials of Lagrange */
+    double *covariance, *column, value[N_LOW_VALUES]; /* as an interval has them */
+    double *precision;
+    int has_precision;              /* whether precision is set */
+    double *weight;                 /* (n_gauges) w */
     /* and by its strain: */
-    double *error, *weighted;  /* (n_gauges) e, w e */
-    double *of_residual, *v;   /* (width) [H, X_t, m]' W r, then t v; v */
-    /* At a ratio of 1, for sets of gauges: */
-    InformationRoot nominal;
-    double *nominal_gram, *nominal_weight, *nominal_along, *nominal_precision;
+    double *error, *weighted;       /* (n_gauges) e, w e */
+    double *of_residual, *x;        /* (width) [H, X_t, m]' W r; x */
+    /* Of a point of an interval, or at a ratio of 1: */
+    double *gram;                   /* (width, width) K, right on and above its diagonal */
+    double *product, *scale;        /* (order) t, D */
+    double *triangle;               /* (order, order) L by columns */
+    double *inverse, *square, *rows, *ones; /* scratch of C */
+    double *load_left;              /* (5, order) F' */
+    double *along, *gain;           /* (n_gauges, order) B; (5, n_gauges) G */
+    double *of_term, *term_load, *term_square; /* of common errors */
+    double *sized, *vector;         /* (n_gauges) scratch */
+    /* At a ratio of 1, of sets of gauges: */
+    double *nominal_weight, *nominal_along, *nominal_precision;
+    unsigned long grouped;          /* number of the set that the last two are for; 0 for none */
     double *all_free, *free, *ratio; /* (n_free, n_free) roots of the information on free states */
-    int knows_all;             /* whether all_free is known */
-    unsigned long grouped;     /* number of the set that nominal_along and nominal_precision are for; 0 for none */
-    unsigned char *all_gauges; /* (n_gauges) 1 */
-    /* Scratch. */
-    double *along;             /* (n_gauges, order) B */
-    double *gain;              /* (5, n_gauges) G */
-    double *sized, *vector;    /* (n_gauges) */
-    double *of_term, *term_load[N_LOADS], *term_square; /* of common errors */
-    double *whole, *head, *turned, *kept, *scratch, *of_free, *of_column; /* of low_rank_prepare */
+    int knows_all;                  /* whether all_free is known */
+    unsigned char *all_gauges;      /* (n_gauges) 1 */
+    double *whole, *head, *turned, *kept, *scratch, *of_free, *of_column; /* scratch of low_rank_prepare */
 } LowRank;
 
 typedef struct Scaled {
