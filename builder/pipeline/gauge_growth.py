@@ -32,7 +32,7 @@ from strainfmu.files import write_bytes_atomically
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-COUNTS = (56, 128, 256, 512, 1024, 2000)
+COUNTS = (56, 128, 256, 512, 1024, 2048, 4096)
 """Gauges of the table, at most."""
 
 MERIDIANS = 8

@@ -67,6 +67,9 @@ class HealthState(IntEnum):
 USABLE_STATES = (HealthState.OK, HealthState.DEGRADED)
 """States in which loads may be used with their standard deviations; in others they may be wrong, or are none."""
 
+MANY = 512
+"""Degrees of freedom above which the survival is one product of ratios of its terms."""
+
 _MOST_STEPS, _SMALLEST_STEP = 50, 1e-14
 """Of Newton's method: their number, and the last one relative to the value."""
 
@@ -80,6 +83,10 @@ def chi_square_survival(value: float, degrees_of_freedom: int) -> float:
     if value <= 0.0:
         return 1.0
     half = 0.5 * value
+    if degrees_of_freedom > MANY:
+        k = degrees_of_freedom - 2
+        largest = exp(0.5 * k * log(half) - half - lgamma(0.5 * k + 1.0))
+        return min(largest * (1.0 + float(np.sum(np.cumprod(np.arange(k, 1, -2) / value)))), 1.0)
     start = 1 if degrees_of_freedom % 2 else 2
     total = erfc(sqrt(half)) if start == 1 else exp(-half)
     for k in reversed(range(start, degrees_of_freedom, 2)):
@@ -98,6 +105,9 @@ def chi_square_limit(degrees_of_freedom: int, false_alarm_probability: float = F
     """
     half_freedom, wanted = 0.5 * degrees_of_freedom, log(false_alarm_probability)
     value = float(degrees_of_freedom)
+    if degrees_of_freedom > MANY:  # Wilson and Hilferty (1931): the cube root is nearly normal
+        spread = 2.0 / (9.0 * degrees_of_freedom)
+        value *= (1.0 - spread + NormalDist().inv_cdf(1.0 - false_alarm_probability) * sqrt(spread)) ** 3
     for _ in range(_MOST_STEPS):
         survival = chi_square_survival(value, degrees_of_freedom)
         log_density = (half_freedom - 1.0) * log(0.5 * value) - 0.5 * value - lgamma(half_freedom)

@@ -184,7 +184,7 @@ def test_value_beyond_its_limits(tmp_path: Path, old: str, new: str, line: str) 
         (
             [("first_x_m = 0.35, last_x_m = 3.30, count = 9", "first_x_m = 0.35, last_x_m = 3.30, count = 1000")]
             * 2,
-            "gauges.layouts.configuration_1: expected at most 2000 gauges, got 3000",
+            "gauges.layouts.configuration_1: expected at most 4096 gauges, got 5000",
         ),
         (
             [

@@ -35,7 +35,7 @@ GAMMA = Limits(1e-12, 1e12)
 
 MAX_CONDITIONS = 20_000
 MAX_GAUGES = 4_096
-"""Of one layout: the covariance of strain is a full matrix."""
+"""Of one layout; maps of more than 2,000 hold for the linear estimator alone, and for strain gauges."""
 MAX_PRESSURES = 250_000_000
 """Values of one array: conditions or gauges, times surface nodes; 2 GB."""
 MIN_ELEMENTS = 10

@@ -221,7 +221,7 @@ _SPELLINGS = {
     "bench.gauges": value("VEHICLE"),
     "bench.growth": value("FILE"),
     "bench.mesh": value("VEHICLE"),
-    "bench.most": count(8, 2000),
+    "bench.most": count(8, 4096),
     "bench.output": value("FILE", "-o", "--output"),
     "bench.random_steps": number(1, 10**7),
     "bench.structure": value("VEHICLE"),

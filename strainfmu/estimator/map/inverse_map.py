@@ -83,6 +83,9 @@ FORMS = PER_PRESSURE, ABSOLUTE = (DYNAMIC_PRESSURE, "absolute")
 PAIRS = tuple((a, b) for a in range(6) for b in range(a, 6))
 """The 21 products c_a c_b of c = [1, C_A, C_N, C_Y, M_P, M_Y], a <= b."""
 
+DENSE_GAUGES, MOST_DENSE_GAUGES = 512, 2_000
+"""Gauges up to which the linear estimator computes with matrices of all gauges, and may do so."""
+
 FIELD = ("field_mean", "field_modes", "point", "triangle")
 """Fields of the pressure on the surface, of which a map has all or none."""
 
@@ -244,6 +247,11 @@ class InverseMap(MapRecord, where="inverse map"):
         total = np.diag(self.gauge_covariance) + scaled
         if not np.all(total >= (1.0 - _ROUND_OFF) * self.noise_std**2):
             yield "gauge_covariance has variances below noise_std squared, must hold the gauge noise"
+        if n_d > MOST_DENSE_GAUGES and not self.is_low_rank:
+            yield (
+                f"{n_d} gauges found, must be {MOST_DENSE_GAUGES} at most with tables, temperature, inertia, "
+                "auxiliary sensors, other loads than the five, a full covariance of the gauges or form 'absolute'"
+            )
         whitened = self.state_operator / self.noise_std[:, None]
         size = np.linalg.norm(whitened, axis=0)
         if is_free and not (np.all(size > 0.0) and np.linalg.matrix_rank(whitened / size) == n_q):
@@ -356,6 +364,37 @@ class InverseMap(MapRecord, where="inverse map"):
     # What follows from the fields.
 
     @cached_property
+    def is_low_rank(self) -> bool:
+        """Whether the linear estimator computes by columns of errors instead of matrices of all gauges.
+
+        So it does for more than :data:`DENSE_GAUGES` strain gauges in form "dynamic_pressure" whose errors that do
+        not scale are independent but for one that all have in common, without tables, temperature, inertia or
+        other loads than the five.
+        """
+        return (
+            self.n_gauges > DENSE_GAUGES
+            and self.follows_pressure
+            and self.manifold is None
+            and not (self.thermal_and_inertia.n_modes or self.has_auxiliary_sensors or self.has_other_loads)
+            and self.common_variance >= 0.0
+            and bool(np.all(self.gauge_variance > 0.0))
+            and all(
+                np.all(row[:k] == self.common_variance) and np.all(row[k + 1 :] == self.common_variance)
+                for k, row in enumerate(self.gauge_covariance)
+            )
+        )
+
+    @property
+    def common_variance(self) -> float:
+        """Covariance of the errors of the first two gauges that do not scale [(m/m)^2]."""
+        return float(self.gauge_covariance[0, 1])
+
+    @cached_property
+    def gauge_variance(self) -> FloatArray:
+        """(n_d,) variances of errors that do not scale, less :attr:`common_variance` [(m/m)^2]."""
+        return np.diag(self.gauge_covariance) - self.common_variance
+
+    @cached_property
     def noise_covariance(self) -> FloatArray:
         """(n_d, n_d) Gamma, Gamma_g and :attr:`scaled_covariance` [(m/m)^2], of the strain that no state holds."""
         return self.gauge_covariance + self.scaled_covariance
@@ -429,47 +468,6 @@ def has_filter(inverse_map: InverseMap) -> bool:
     a filter could carry on.
     """
     return inverse_map.manifold is not None or inverse_map.case == 1 or inverse_map.regularisation == 1.0
-
-
-DENSE_GAUGES = 512
-"""Gauges up to which the linear estimator computes with full matrices of all gauges."""
-
-
-def is_low_rank(inverse_map: InverseMap) -> bool:
-    """Return whether the linear estimator of ``inverse_map`` computes by columns of errors instead of matrices.
-
-    So it does for more than :data:`DENSE_GAUGES` gauges whose errors that do not scale are independent but for one
-    that all have in common, in form "dynamic_pressure", where no temperature, inertia, auxiliary sensor or other
-    load is in the map.
-    """
-    n, common = inverse_map.n_gauges, common_variance(inverse_map)
-    return (
-        n > DENSE_GAUGES
-        and inverse_map.manifold is None
-        and inverse_map.follows_pressure
-        and not (inverse_map.thermal_and_inertia.n_modes or inverse_map.has_auxiliary_sensors)
-        and not inverse_map.has_other_loads
-        and common >= 0.0
-        and bool(np.all(gauge_variances(inverse_map) > 0.0))
-        and _has_common_error_alone(inverse_map)
-    )
-
-
-def common_variance(inverse_map: InverseMap) -> float:
-    """Return the variance of the errors that do not scale and that the first two gauges have in common."""
-    covariance = inverse_map.gauge_covariance
-    return float(covariance[0, 1]) if len(covariance) > 1 else 0.0
-
-
-def gauge_variances(inverse_map: InverseMap) -> FloatArray:
-    """Return (n_d,) the variances of errors that do not scale, less :func:`common_variance`."""
-    return np.diag(inverse_map.gauge_covariance) - common_variance(inverse_map)
-
-
-def _has_common_error_alone(inverse_map: InverseMap) -> bool:
-    covariance, common = inverse_map.gauge_covariance, common_variance(inverse_map)
-    apart = [np.delete(row, k) for k, row in enumerate(covariance)]
-    return all(np.all(row == common) for row in apart)
 
 
 def groups_of_outputs(inverse_map: InverseMap) -> tuple[LoadGroup, ...]:

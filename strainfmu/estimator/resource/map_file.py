@@ -35,14 +35,7 @@ from strainfmu.estimator.air_inputs import ALTITUDE, DYNAMIC_PRESSURE, MACH_NUMB
 from strainfmu.estimator.gauge_zeros import LARGEST_ZERO
 from strainfmu.estimator.map import validity
 from strainfmu.estimator.map.flight_tables import MIN_INCIDENCE
-from strainfmu.estimator.map.inverse_map import (
-    InverseMap,
-    common_variance,
-    gauge_variances,
-    groups_of_outputs,
-    has_filter,
-    is_low_rank,
-)
+from strainfmu.estimator.map.inverse_map import InverseMap, groups_of_outputs, has_filter
 from strainfmu.estimator.map.nonlinear_map import ManifoldMap, Powers
 from strainfmu.estimator.map.schema import BOUNDS, FROM_0, INCREASING, POSITIVE, Entry, entries, stored_value
 from strainfmu.estimator.map.sensors import CHANNELS, LARGEST_RISE, InertiaMap, SensorRows, ThermalMap
@@ -144,7 +137,7 @@ class Source:
     def stored(self) -> InverseMap:
         """The map with all errors that scale as columns, but of many gauges."""
         n, of_file = self.map.n_gauges, self.map
-        if is_low_rank(of_file) or not of_file.own_error_strain.any():
+        if of_file.is_low_rank or not of_file.own_error_strain.any():
             return of_file
         triangle, rest = self.error_triangle
         hidden = householder(rest[:, n:])[0][: of_file.n_loads]
@@ -193,8 +186,8 @@ def white_noise(inverse_map: InverseMap) -> FloatArray:
 
     A covariance of the gauges below the one of their noise has less noise than stated.
     """
-    if is_low_rank(inverse_map):
-        return np.minimum(gauge_variances(inverse_map), inverse_map.noise_std**2)
+    if inverse_map.is_low_rank:
+        return np.minimum(inverse_map.gauge_variance, inverse_map.noise_std**2)
     covariance = inverse_map.gauge_covariance
     if inverse_map.thermal_and_inertia.n_modes:
         covariance = inverse_map.thermal_and_inertia.isothermal_covariance
@@ -314,11 +307,11 @@ DERIVED: tuple[Entry, ...] = (
     Entry("scaled.spread_unseen", "what those columns do not hold",
         lambda s: s.spread.unseen[FIVE_LOADS, FIVE_LOADS], "5 5", unit=""),
     Entry("low_rank.noise_variance", "variances of errors of each gauge alone that do not scale",
-        lambda s: gauge_variances(s.map), "n_gauges", unit="(m/m)^2", rule=POSITIVE),
+        lambda s: s.map.gauge_variance, "n_gauges", unit="(m/m)^2", rule=POSITIVE),
     Entry("low_rank.own_variance", "of those that scale", lambda s: s.map.own_error_strain**2, "n_gauges",
         unit="(m/m)^2", rule=FROM_0),
     Entry("low_rank.common_variance", "of an error that does not scale and is the same of all gauges",
-        lambda s: common_variance(s.map), unit="(m/m)^2", low=0.0),
+        lambda s: s.map.common_variance, unit="(m/m)^2", low=0.0),
     Entry("other_loads.array_name", "names of the arrays of outputs",
         lambda s: texts("other loads", [array.name for array in s.load_arrays], OUTPUT_NAME_SIZE),
         "n_arrays OUTPUT_NAME_SIZE", kind="text"),
@@ -483,7 +476,7 @@ RECORDS: tuple[tuple[type[Any], Callable[[Source], Any], dict[str, str]], ...] =
 """Records of a map whose fields have places in ``map.bin``, where they come from, and their symbols there."""
 
 PARTS: dict[str, Callable[[InverseMap], bool]] = {
-    "low_rank": is_low_rank,
+    "low_rank": lambda m: m.is_low_rank,
     "scaled_errors": lambda m: m.follows_pressure and m.errors_follow_strain,
     "other_loads": lambda m: m.follows_pressure and bool(groups_of_outputs(m)),
     "filter": has_filter,
@@ -541,7 +534,7 @@ def map_arrays(inverse_map: InverseMap, known: tare.KnownStrain | None = None) -
     """Return the arrays of ``map.bin`` by name, but for the guid."""
     source = Source(inverse_map, known or tare.KnownStrain(value=np.zeros(inverse_map.n_strain_gauges)))
     absent = {part for part, is_in in PARTS.items() if not is_in(inverse_map)}
-    absent |= OF_FEW_GAUGES if is_low_rank(inverse_map) else set()
+    absent |= OF_FEW_GAUGES if inverse_map.is_low_rank else set()
     present = [array for array in LAYOUT if not {array.part, array.place} & absent]
     return {
         array.place: np.asarray(array.value(source) if callable(array.value) else array.value) for array in present

@@ -107,7 +107,7 @@ def test_columns_may_be_in_any_order(tmp_path: Path) -> None:
         (HEADER + "a,1,0\n", r"line 2: expected 7 values, got 3"),
         (HEADER + "a,1e300,0,0.1,1,0,0\n", r"line 2, column x_m: expected -1000 .. 1000, got '1e300'"),
         (HEADER + "a,1,0,0.1,1e300,0,0\n", r"line 2, column direction_x: expected -1e\+06 .. 1e\+06, got '1e300'"),
-        (HEADER + "a,1,0,0.1,1,0,0\n" * 2001, r"expected at most 2000 gauges, got 2001"),
+        (HEADER + "a,1,0,0.1,1,0,0\n" * 4097, r"expected at most 4096 gauges, got 4097"),
         (HEADER + "a,1,0,nan,1,0,0\n", r"line 2, column z_m: 'nan' found, must be finite"),
         (HEADER + "a,1,0,0.1,1,0,0\na,2,0,0.1,1,0,0\n", "gauge name 'a' occurs twice"),
         (HEADER + ",1,0,0.1,1,0,0\n", "gauge name '' is empty"),

@@ -31,9 +31,11 @@
    away: with Chebyshev points in an interval of half width h the error of their polynomial falls as rho^-LOW_NODES,
    rho = k + sqrt(k^2 + 1), k = pi / 2 / h. For a factor sqrt 2, h = 0.173 and rho = 18.2: twelve points leave 1e-14. An
    interval is filled when s enters it with a set of gauges, by 2 n order^2 LOW_NODES multiplications, and LOW_INTERVALS
-   are kept. A lost gauge is a row of weight 0: what a step costs does not depend on how many there are.
+   are kept. A lost gauge is a row of weight 0: what a step costs does not depend on how many there are. P_ii is good to
+   the round-off of w_i: the form is for gauges that the columns do not determine, as where there are many more gauges
+   than columns.
 
-   docs/explanation/dynamic_pressure.md, "Many gauges". tests/estimator/test_low_rank.py compares it with the dense
+   docs/explanation/dynamic_pressure.md, "Many gauges". tests/estimator/reference/test_low_rank.py compares it with the dense
    update for the same gauges. */
 
 #include "update.h"
@@ -560,7 +562,8 @@ static void fill(Scaled *scaled, const MaskedMap *masked, LowInterval *interval)
 /* The interval that holds a ratio, for a set of gauges; the oldest gives way. */
 static const LowInterval *interval_at(Scaled *scaled, const MaskedMap *masked, double s) {
     LowRank *low = &scaled->low;
-    const double number = floor(logarithm(s) / (2.0 * LOW_HALF_WIDTH));
+    const double place = logarithm(s) / (2.0 * LOW_HALF_WIDTH), whole = (double)(int)place;
+    const double number = whole > place ? whole - 1.0 : whole;
     for (size_t k = 0; k < LOW_INTERVALS; k++) {
         if (low->interval[k].number == number && low->interval[k].gauges == masked->number) {
             return &low->interval[k];
@@ -656,6 +659,10 @@ static void add_errors(Scaled *scaled) {
     const double square = step->ratio * step->ratio, *value = low->value + N_BASE;
     double product[N_PAIRS];
     memcpy(step->covariance, step->base, sizeof step->covariance);
+    if (!scaled->map->form.has_errors) {
+        set_limit_ratio(scaled, 0.0);
+        return;
+    }
     set_products_of_coefficients(scaled, product);
     for (size_t i = 0; i < N_LOADS; i++) {
         for (size_t j = i; j < N_LOADS; j++, value += N_PAIRS) {
