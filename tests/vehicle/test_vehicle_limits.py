@@ -182,9 +182,9 @@ def test_value_beyond_its_limits(tmp_path: Path, old: str, new: str, line: str) 
             "resolution.map = 259200000",
         ),
         (
-            [("first_x_m = 0.35, last_x_m = 3.30, count = 9", "first_x_m = 0.35, last_x_m = 3.30, count = 1700")]
-            * 2,
-            "gauges.layouts.configuration_1: expected at most 4096 gauges, got 5100",
+            [("first_x_m = 0.35, last_x_m = 3.30, count = 9", "first_x_m = 0.35, last_x_m = 3.30, count = 1000")]
+            * 6,
+            "gauges.layouts.configuration_2: expected at most 4096 gauges, got 6000",
         ),
         (
             [
