@@ -237,12 +237,10 @@ def test_faults_between_sections_are_listed(tmp_path: Path) -> None:
     assert len(found) == 2
     assert "needs material.density_kg_per_m3" in found[0]
     assert "'other' is not among the layouts" in found[1]
-    path = write_changed(
-        tmp_path, ("end_x_m = 3.6", "end_x_m = 1.6"), ("count = 9", "count = 1000"), ("count = 9", "count = 1000")
-    )
+    path = write_changed(tmp_path, ("end_x_m = 3.6", "end_x_m = 1.6"), *[("count = 9", "count = 1000")] * 6)
     assert [line.partition(":")[0] for line in lines_of(path)] == [
         "profile segment 2",
-        "gauges.layouts.configuration_1",
+        "gauges.layouts.configuration_2",
     ]
 
 
