@@ -97,9 +97,7 @@ def _with_model_error(model: ReadingsModel) -> ReadingsModel:
 def _without_faults(model: ReadingsModel) -> tuple[Estimate, tuple[Fault, ...]]:
     """Return :func:`calibrate_with_faults`, whether its steps ended near the readings or not."""
     model, faults = _before_the_estimate(model)
-    used = _left(model, faults)
-    start, *_ = minimum(model, used)
-    fit = estimate(model.with_pads_of(start), used, start)
+    fit = _about_its_loads(model, _left(model, faults))
     fit, faults = _with_causes(fit, faults)
     while True:
         wrong = None if _blamed(fit.model, faults).are_many else worst_load(fit)
@@ -109,7 +107,13 @@ def _without_faults(model: ReadingsModel) -> tuple[Estimate, tuple[Fault, ...]]:
         used = _left(fit.model, faults)
         if not used.any():
             return fit, tuple(faults)
-        fit = estimate(fit.model, used, start=fit.vector)
+        fit = _about_its_loads(fit.model, used, fit.vector)
+
+
+def _about_its_loads(model: ReadingsModel, used: BoolArray, start: FloatArray | None = None) -> Estimate:
+    """Return the estimate by pads that stand where steps from ``start`` (n,) say; see :func:`estimate`."""
+    about, *_ = minimum(model, used, start)
+    return estimate(model.with_pads_of(about), used, about)
 
 
 def _before_the_estimate(model: ReadingsModel) -> tuple[ReadingsModel, list[Fault]]:
@@ -176,7 +180,7 @@ def _with_causes(fit: Estimate, faults: list[Fault]) -> tuple[Estimate, list[Fau
         used = _left(model, faults)
         if not used.any():
             break
-        fit = estimate(model, used, start=fit.vector)
+        fit = _about_its_loads(model, used, fit.vector)
     return before, sure
 
 

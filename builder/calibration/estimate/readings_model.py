@@ -66,9 +66,6 @@ PAD_STEPS = {
 }
 """Steps of the differences for the place of pads and points and the direction of forces [m, rad, 1]."""
 
-SHAPE = np.eye(len(PAD_STEPS))[2]
-"""Which of these is the length of a pad."""
-
 FAR = np.array([0.02, 0.1, 0.5, 0.2, 0.2])
 """Errors up to which pads are taken about where they stand [m, rad, 1, rad]; steps on the way may be larger."""
 
@@ -550,8 +547,8 @@ class ReadingsModel:
 
     def _pad_changes(self, strain_of: StrainOfLoads, error: FloatArray, size: float) -> _PadChanges:
         """Return what errors of the loads change about ``error`` (n_loads, 5), the ``size`` of all pads in it."""
-        about = error + np.outer([not isinstance(known.load, PointForce) for _, known in self.loads], SHAPE) * size
-        loads = [known.load for _, known in self.loads]
+        loads, about = [known.load for _, known in self.loads], error.copy()
+        about[:, 2] += [0.0 if isinstance(load, PointForce) else size for load in loads]
         changes = [self._pad_columns(load, strain_of, at) for load, at in zip(loads, about, strict=True)]
         sizes = [
             self._size_column(load, slopes[2], strain_of) for load, (slopes, _) in zip(loads, changes, strict=True)
