@@ -46,7 +46,7 @@ from builder.campaign.snapshots import save_snapshots as save_snapshots
 
 # Flow
 from builder.aero.euler.bodies.solver import solve_flow as solve_flow
-from builder.aero.euler.planes.marching_grid import MarchingGrid as MarchingGrid
+from builder.aero.euler.planes import MarchingGrid as MarchingGrid
 from builder.vehicle.shape.geometry import chain_segments as chain_segments
 from builder.aero.surface.mesh import mesh_of_grid as mesh_of_grid
 
@@ -67,7 +67,7 @@ from builder.structure.loads.of_vehicle import fourier_structure_of as fourier_s
 from builder.structure.loads.solid import solid_structure_of as solid_structure_of
 from builder.structure.loads.loaded_structure import LoadProperties as LoadProperties
 from builder.structure.loads.temperature import temperature_mode as temperature_mode
-from builder.structure.fourier.ring_gauges import PlacedGauges as PlacedGauges
+from builder.structure.fourier.inner_surface import PlacedGauges as PlacedGauges
 from builder.structure.fourier.meridian_mesh import tube_mesh as tube_mesh
 from builder.structure.wall import Material as Material
 

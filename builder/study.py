@@ -29,14 +29,13 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from builder.figures.comparison.trade_study import trade_study_figure
-from builder.figures.drawing.canvas import save
+from builder.figures.comparison import trade_study_figure
+from builder.figures.drawing import save
 from builder.pipeline.map_files import make_independent_flows, make_map, make_snapshots
-from builder.pipeline.pipeline import FilesGiven, Pipeline
+from builder.pipeline.pipeline import FLOWS, MAP, SNAPSHOTS, STRUCTURE, FilesGiven, Pipeline, open_pipeline
 from builder.pipeline.shape_flows import make_shape_flows
 from builder.pipeline.stages import AnyProgress, check_before_long_work, reporter_of
 from builder.pipeline.trials import shape_conditions, world_of
-from builder.pipeline.used_files import FLOWS, MAP, SNAPSHOTS, STRUCTURE, open_pipeline
 from builder.processors import processors
 from builder.reporting import Reporter, Silent
 from builder.trial.cases import Case, Plan
@@ -246,7 +245,7 @@ def run_study(
     rows, faults = list[Row](), list[str]()
     for design, score in zip(designs, scores, strict=True):
         if isinstance(score, str):
-            faults.append(f"{design.name} ({design.text}): {score}")
+            faults += [f"{design.name} ({design.text}): {line}" for line in score.split("\n")]
         else:
             rows += [{"design": design.number, **design.values, **row} for row in score]
     files = [folder / TABLE] if rows else []

@@ -1,6 +1,6 @@
 """The errors a user can cause or meet; each carries one line with the cause and the cure.
 
-Only :class:`FaultsError` carries several, one for each wrong entry of a file.
+Only :class:`SeveralErrors` and :class:`FaultsError` carry several.
 
 The command line prints them and ends with :attr:`StrainfmuError.exit_code`.
 """
@@ -16,7 +16,7 @@ class StrainfmuError(Exception):
 
     @property
     def lines(self) -> list[str]:
-        """The message as the command line prints it: one line, but for :class:`FaultsError`."""
+        """The message as the command line prints it: one line, but for :class:`SeveralErrors`."""
         return [" ".join(str(self).split())]
 
 
@@ -26,12 +26,16 @@ class InputError(StrainfmuError):
     exit_code = 2
 
 
-class FaultsError(InputError):
-    """Several entries of a file are wrong: a line each."""
+class SeveralErrors(StrainfmuError):
+    """Several things failed: a line each."""
 
     @property
     def lines(self) -> list[str]:
         return [" ".join(line.split()) for line in str(self).split("\n")]
+
+
+class FaultsError(SeveralErrors, InputError):
+    """Several entries of a file are wrong: a line each."""
 
 
 class FlowReachError(InputError):

@@ -216,7 +216,7 @@ def compiled_solver(tmp_path_factory: pytest.TempPathFactory) -> None:
 
     def compile_it(folder: Path) -> None:
         from builder.aero.euler.bodies.solver import solve_flow
-        from builder.aero.euler.planes.marching_grid import MarchingGrid
+        from builder.aero.euler.planes import MarchingGrid
         from builder.vehicle.shape.geometry import chain_segments
 
         if os.environ.get("NUMBA_DISABLE_JIT", "0") == "0":

@@ -7,9 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from builder.campaign.snapshots import Snapshots
-from builder.figures.drawing.canvas import COLOUR_MAP, blank_figure
-from builder.figures.drawing.gauge_marks import draw_strokes
-from builder.figures.drawing.unrolled import at_roll_angles
+from builder.figures.drawing import COLOUR_MAP, at_roll_angles, blank_figure, draw_strokes
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.cosim.systems.recording import Recording

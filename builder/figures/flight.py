@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from builder.figures.drawing.canvas import blank_figure, save
+from builder.figures.drawing import blank_figure, save
 from strainfmu.cosim.scenario import Scenario
 from strainfmu.cosim.systems.recording import Recording
 from strainfmu.estimator.health import HealthState

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from builder.figures.drawing.canvas import blank_figure
+from builder.figures.drawing import blank_figure
 from builder.placement.curves import EVEN, PLACED, QR, Curves, Sweep
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES

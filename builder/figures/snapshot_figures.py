@@ -11,9 +11,7 @@ from numpy.typing import NDArray
 
 from builder.aero.loads.operator import coefficient_scale, load_operator_on
 from builder.campaign.snapshots import Snapshots
-from builder.figures.drawing.canvas import COLOUR_MAP, blank_figure
-from builder.figures.drawing.colours import colour_ends, ends_beyond
-from builder.figures.drawing.unrolled import at_roll_angles
+from builder.figures.drawing import COLOUR_MAP, at_roll_angles, blank_figure, colour_ends, ends_beyond
 from strainfmu.arrays import FloatArray
 
 if TYPE_CHECKING:

@@ -7,9 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from builder.figures.drawing.canvas import COLOUR_MAP, blank_figure
-from builder.figures.drawing.gauge_marks import draw_strokes, gauge_kinds
-from builder.figures.drawing.unrolled import roll_degrees
+from builder.figures.drawing import COLOUR_MAP, blank_figure, draw_strokes, gauge_kinds, roll_degrees
 from builder.structure.observability import (
     SYMMETRIES,
     THRESHOLD,

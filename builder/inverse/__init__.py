@@ -4,6 +4,6 @@ The data go one way: :mod:`~builder.inverse.modes` of the snapshots -> :mod:`~bu
 :mod:`~builder.inverse.sensors`, what the gauges and other sensors read in addition to them ->
 :mod:`~builder.inverse.solution` of a problem, either case ->
 :mod:`~builder.inverse.loads` with their covariance, :mod:`~builder.inverse.envelope` of the map. A vehicle's
-:mod:`~builder.inverse.problem` is solved and becomes the :mod:`~builder.inverse.solved_map`;
+:mod:`~builder.inverse.problem` is solved and becomes the :mod:`~builder.inverse.build`;
 :mod:`~builder.inverse.build` does both.
 """

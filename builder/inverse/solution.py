@@ -59,8 +59,8 @@ class Problem:
     off_the_snapshots : (k, n_p) what of these is no combination of the snapshots, which is among ``noise``, see
         :meth:`~builder.inverse.noise.flows_between.FlowsBetween.off_the_snapshots` [Pa]; None where it is not
         counted.
-    leeward : (k, n_p) error of the pressure on the leeward side, see :mod:`builder.inverse.noise.leeward` [Pa];
-        None for none.
+    leeward : (k, n_p) error of the pressure on the leeward side, see
+        :func:`~builder.inverse.noise.flow_models.leeward_fields` [Pa]; None for none.
     flow_models : terms of :mod:`builder.inverse.noise.flow_models`, which are not among ``noise``: see
         :func:`with_flow_models`.
     """

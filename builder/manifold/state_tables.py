@@ -21,23 +21,21 @@ from scipy.linalg import block_diag
 
 from builder.aero.engine import FlowKey
 from builder.aero.engines.euler import EulerEngine
-from builder.aero.euler.planes.marching_grid import MarchingGrid
+from builder.aero.euler.planes import MarchingGrid
 from builder.aero.surface.mesh import SurfaceMesh, grid_of, mesh_of
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.noise.error_list import GRID_REFINEMENT, INTERPOLATION, PROCESS, SPREAD, parts_of
-from builder.inverse.noise.flow_models import LEVEL, newtonian_snapshots
+from builder.inverse.noise.flow_models import LEEWARD_PRESSURE, LEVEL, newtonian_snapshots
 from builder.inverse.noise.flows_between import FlowsBetween, flows_between
-from builder.inverse.noise.leeward import LEEWARD_PRESSURE
 from builder.inverse.problem import AnyStructure
 from builder.inverse.solution import Problem
-from builder.manifold.condition_tables import condition_tables, with_harmonics
+from builder.manifold.condition_tables import MAX_FIELD_HARMONIC, condition_tables, flight_field, with_harmonics
 from builder.manifold.discrepancy import (
     gaussian_process_shapes,
     process_on_surface,
     process_size,
     response_of_shapes,
 )
-from builder.manifold.field_tables import MAX_FIELD_HARMONIC, flight_field
 from builder.manifold.flow_amplitudes import FlowAmplitudes, cosine_amplitudes, flow_amplitudes
 from builder.manifold.interpolation import interpolation_errors, rolled_errors
 from builder.manifold.mirror_images import with_mirror_images

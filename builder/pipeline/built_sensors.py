@@ -7,9 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from builder.inverse.sensors.row import SensorRow
 from builder.inverse.sensors.sensor_set import base_area, surface_rows
-from builder.inverse.sensors.structural import rows_on_surface
+from builder.inverse.sensors.structural import SensorRow, rows_on_surface
 from builder.structure.as_built.as_built_vehicle import AsBuilt
 from builder.truth.revolution.strain import BuiltSensors, sensor_response
 from builder.vehicle.file import Vehicle

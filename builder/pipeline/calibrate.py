@@ -36,11 +36,10 @@ from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.pipeline.calibration_report import PAGE, PDF, calibration_findings, report_files, write_report
 from builder.pipeline.map_files import cached_flows, cached_snapshots, cached_structure
 from builder.pipeline.measured_levels import alarm_levels_wanted, with_measured_levels
+from builder.pipeline.pipeline import FLOWS, SNAPSHOTS, STRUCTURE
 from builder.pipeline.stages import AnyProgress, reporter_of, solved_true_structure
-from builder.pipeline.used_files import FLOWS, SNAPSHOTS, STRUCTURE
 from builder.reporting import Reporter
-from builder.reports.calibration_page.findings import CalibrationFindings
-from builder.reports.calibration_page.verdict import Verdict, verdict
+from builder.reports.calibration_page.verdict import CalibrationFindings, Verdict, verdict
 from builder.structure.as_built.as_built_structure import AsBuiltStructure
 from builder.structure.as_built.as_built_vehicle import slices
 from builder.structure.as_built.displaced_structure import AnyAsBuilt, DisplacedStructure, displaced_structure

@@ -17,12 +17,11 @@ from builder.calibration.ground_test.load_test_file import LoadTestFile
 from builder.calibration.plan.load_plan import PlanParts
 from builder.calibration.plan.worth_of_test import worth_of_test
 from builder.campaign.snapshots import Snapshots
-from builder.reports.calibration_page.findings import CalibrationFindings, UsedCell
 from builder.reports.calibration_page.ground_test_page import calibration_page
 from builder.reports.calibration_page.ground_test_tables import equations_table
-from builder.reports.page.html import write_page
+from builder.reports.calibration_page.verdict import CalibrationFindings, UsedCell
+from builder.reports.page.html import without_packages, write_page
 from builder.reports.page.origin import input_files, origin_of
-from builder.reports.page.packages import without_packages
 from builder.reports.page.page_tables import table_csv
 from builder.structure.as_built.displaced_structure import AnyAsBuilt
 from builder.vehicle.file import Vehicle

@@ -15,9 +15,8 @@ from builder.reports.calibration_page.equations_page import (
     redundancy_line,
     verdict_lines,
 )
-from builder.reports.page.html import write_page
+from builder.reports.page.html import without_packages, write_page
 from builder.reports.page.origin import input_files, origin_of
-from builder.reports.page.packages import without_packages
 from builder.reports.page.page_tables import table_csv
 from strainfmu.errors import StrainfmuError
 from strainfmu.estimator.map.inverse_map import InverseMap, save_inverse_map

@@ -4,6 +4,8 @@ Both estimators read the same strains, with installation errors, gauge noise and
 flights are the ones that set the alarm levels, by the independent model. Where there are none, a map is made
 without some snapshots, one inner value of every condition, and estimates these with installation errors by the
 map's own derivatives. Such a map has wider cells, so that its tables are worse than the whole map's.
+
+The estimator of a map by an option, instead of the vehicle file's.
 """
 
 from __future__ import annotations
@@ -21,11 +23,11 @@ from builder.trial.estimators import of_map
 from builder.trial.readings import Readings
 from builder.trial.score import Row, by_load, rows_of
 from builder.vehicle.file import Vehicle
-from builder.vehicle.map.options import Noise
+from builder.vehicle.map.options import Noise, wrong_estimator
 from strainfmu.arrays import BoolArray, IntArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE, MACH_NUMBER, STATIC_PRESSURE
-from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, PER_PRESSURE, InverseMap
 from strainfmu.estimator.other_loads import FIVE_LOADS
 from strainfmu.flight_condition import FlightCondition
 
@@ -223,3 +225,37 @@ def _drawn(noise: Noise, problem: Problem, members: BoolArray) -> Readings:
     return Readings(
         strain=strain, known=known, truth=loads * ensemble.scale[0], vehicle=np.arange(len(rows)), flight=rows
     )
+
+
+Estimators = Literal["auto", "linear", "nonlinear"]
+
+
+def estimator_of(inverse_map: InverseMap) -> Estimators:
+    """Return the estimator that a map is for."""
+    return "linear" if inverse_map.manifold is None else "nonlinear"
+
+
+def with_estimator(vehicle: Vehicle, estimator: Estimators | None) -> Vehicle:
+    """Return ``vehicle`` with another estimator in its section [map]; None leaves it.
+
+    Raises
+    ------
+    InputError
+        There is no estimator of this name, or the vehicle file does not fit the nonlinear estimator.
+    """
+    if estimator is None:
+        return vehicle
+    if (reason := wrong_estimator(estimator)) is not None:
+        raise InputError(f"--estimator: {reason}")
+    entry = vehicle.map
+    if estimator == "nonlinear":
+        requirements = {
+            "map.form": (entry.form, PER_PRESSURE),
+            "strains per snapshot": ("none" if vehicle.structure.strain_per_snapshot is None else "some", "none"),
+        }
+        if vehicle.is_axisymmetric:
+            requirements["map.symmetry"] = (entry.symmetry, "full")
+        for name, (got, needed) in requirements.items():
+            if got != needed:
+                raise InputError(f"--estimator nonlinear: needs {name} {needed!r}, got {got!r}")
+    return vehicle.model_copy(update={"map": entry.model_copy(update={"estimator": estimator})})

@@ -11,8 +11,8 @@ from builder.campaign.campaign_run import CampaignResult, campaign_notes, run_ca
 from builder.campaign.scheduling import Scheduling
 from builder.campaign.snapshot_fit import replaced_line
 from builder.pipeline.map_files import snapshot_inputs
+from builder.pipeline.pipeline import SNAPSHOTS
 from builder.pipeline.stages import AnyProgress, reporter_of
-from builder.pipeline.used_files import SNAPSHOTS
 from builder.vehicle.conditions.flight_conditions import condition_set, count_repeated
 from builder.vehicle.file import load_vehicle
 from builder.workspace import Cache

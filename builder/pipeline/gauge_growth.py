@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from builder.campaign.snapshots import Snapshots, load_snapshots
-from builder.figures.drawing.canvas import blank_figure, save
+from builder.figures.drawing import blank_figure, save
 from builder.pipeline.stages import build_map
 from builder.vehicle.file import Vehicle, load_vehicle
 from strainfmu.errors import InputError

@@ -28,11 +28,11 @@ from builder.calibration.plan.load_plan import (
 )
 from builder.campaign.snapshot_fit import vehicle_misfits
 from builder.campaign.snapshots import Snapshots, load_snapshots
-from builder.figures.calibration.load_plan_figure import load_plan_figure
-from builder.figures.drawing.canvas import save
+from builder.figures.calibration import load_plan_figure
+from builder.figures.drawing import save
 from builder.pipeline.map_files import cached_snapshots
+from builder.pipeline.pipeline import STRUCTURE
 from builder.pipeline.stages import AnyProgress, AnyStructure, fourier_structure, reporter_of, take_snapshots
-from builder.pipeline.used_files import STRUCTURE
 from builder.reporting import Reporter
 from builder.structure.as_built.as_built_structure import as_built_structure
 from builder.structure.as_built.displaced_structure import AnyAsBuilt, displaced_structure, refuse_untestable

@@ -15,14 +15,14 @@ from builder.campaign.scheduling import Scheduling
 from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.inverse.problem import AnyStructure, inverse_problem
 from builder.inverse.solution import Problem
-from builder.pipeline.chosen_estimator import with_estimator
+from builder.pipeline.estimator_choice import with_estimator
 from builder.pipeline.measured_levels import (
     alarm_levels_wanted,
     level_conditions,
     with_measured_levels,
     with_shape_levels,
 )
-from builder.pipeline.pipeline import FilesGiven, Pipeline
+from builder.pipeline.pipeline import FLOWS, MAP, SNAPSHOTS, STRUCTURE, FilesGiven, Pipeline, open_pipeline
 from builder.pipeline.shape_flows import make_flow_table, make_shape_flows
 from builder.pipeline.stages import (
     AnyProgress,
@@ -35,7 +35,6 @@ from builder.pipeline.stages import (
     snapshot_campaign,
     solved_true_structure,
 )
-from builder.pipeline.used_files import FLOWS, MAP, SNAPSHOTS, STRUCTURE, open_pipeline
 from builder.reporting import Reporter, Silent
 from builder.reports.build_report import build_page
 from builder.reports.build_report.build_findings import BuildReport, build_report

@@ -13,13 +13,13 @@ from typing import Literal
 import numpy as np
 
 from builder.campaign.snapshots import Snapshots
-from builder.figures.drawing.canvas import save
+from builder.figures.drawing import save
 from builder.figures.placement_figures import placement_figure
 from builder.inverse.problem import AnyStructure, inverse_problem
 from builder.pipeline.load_test_proposal import flows_for_design
 from builder.pipeline.map_files import cached_or_solved_structure, files_of_vehicle
+from builder.pipeline.pipeline import MAP
 from builder.pipeline.stages import AnyProgress, fourier_structure, map_from, on_snapshots, reporter_of
-from builder.pipeline.used_files import MAP
 from builder.placement import design
 from builder.placement.candidates import CandidateGrid
 from builder.placement.curves import Curves, accuracy_curves
@@ -30,9 +30,8 @@ from builder.placement.review import Review, review_of
 from builder.reporting import Reporter, Silent
 from builder.reports.build_report.build_findings import BuildReport, build_report
 from builder.reports.build_report.build_page import report_page
-from builder.reports.page.html import write_page
+from builder.reports.page.html import without_packages, write_page
 from builder.reports.page.origin import InputFile, input_files
-from builder.reports.page.packages import without_packages
 from builder.structure.as_built_kinds import ALWAYS_DRAWN, IN_NOISE
 from builder.structure.fourier.fourier_model import refuse_beyond_fourier
 from builder.vehicle.file import Vehicle, load_vehicle

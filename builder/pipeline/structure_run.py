@@ -10,8 +10,8 @@ from typing import Any
 from builder.campaign.snapshot_fit import body_misfits
 from builder.campaign.snapshots import load_snapshots
 from builder.pipeline.map_files import solid_inputs
+from builder.pipeline.pipeline import STRUCTURE
 from builder.pipeline.stages import AnyProgress, mesh_error_line, reporter_of
-from builder.pipeline.used_files import STRUCTURE
 from builder.structure.external import load_export
 from builder.structure.external.external_structure import external_structure, written_influence
 from builder.structure.external.load_cases import load_cases

@@ -11,7 +11,7 @@ from typing import TypeVar
 from builder.aero.engine import Engine
 from builder.aero.engines.registry import make_engine
 from builder.campaign.failures import extreme_conditions, flows_out_of_reach
-from builder.inverse.envelope.bounds import condition_ranges, flight_ranges, parameter_ranges
+from builder.inverse.envelope import condition_ranges, flight_ranges, parameter_ranges
 from builder.inverse.noise.inertia import inertia_in_words
 from builder.inverse.noise.recorder import reading_in_words
 from builder.inverse.problem import check_noise, check_other_loads

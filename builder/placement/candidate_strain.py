@@ -9,15 +9,14 @@ import numpy as np
 from scipy.sparse import csr_array, vstack
 
 from builder.campaign.snapshots import Snapshots
-from builder.inverse.noise.gauge_derivatives import WALL_STEP
+from builder.inverse.noise.hardware_errors import WALL_STEP
 from builder.inverse.noise.thermal import HARMONICS, thermal_map
 from builder.placement.pressure_basis import PressureBasis
 from builder.reporting import Progress
 from builder.structure.as_built.as_built_structure import SHIFT
 from builder.structure.as_built.revolved import with_wall
-from builder.structure.fourier.inner_surface import inner_surface_points
+from builder.structure.fourier.inner_surface import PlacedGauges, inner_surface_points, place_gauges
 from builder.structure.fourier.meridian_mesh import NO_NODES, MeridianMesh
-from builder.structure.fourier.ring_gauges import PlacedGauges, place_gauges
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import distinct_stations, response_to_fields, station_index
 from builder.structure.loads.fourier import fourier_structure

@@ -32,11 +32,10 @@ from builder.placement.flight_models import (
     noise_std_of,
 )
 from builder.placement.gaussian_model import GaussianModel
-from builder.placement.limits import Limits, rules_of
+from builder.placement.limits import Limits, Rules, rules_of
 from builder.placement.lost_gauge import LARGEST_RATIO, LostGauge, lost_gauges, without_weak_points
 from builder.placement.pressure_basis import pressure_basis
 from builder.placement.relaxation import Relaxed, relaxed
-from builder.placement.rules import Rules
 from builder.placement.selection import best_of_starts, exchanged, greedy, marginal_worth, rounded
 from builder.reporting import Progress, Reporter
 from builder.structure.solid.case import SolidCase, structure_case

@@ -17,9 +17,9 @@ from builder.aero.loads.operator import coefficient_scale, load_operator_on
 from builder.aero.surface.mesh import mesh_of
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.modes.ensemble import Ensemble, rolled_modes
+from builder.inverse.noise.flow_models import leeward_fields
 from builder.inverse.noise.flows_between import flows_between
 from builder.inverse.noise.hardware_errors import rms_ambient_pressure
-from builder.inverse.noise.leeward import leeward_fields
 from builder.inverse.problem import AnyStructure, gauge_noise_covariance, inverse_problem
 from builder.inverse.solution import Problem, mode_choice, pressure_modes
 from builder.manifold.nonlinear_build import tables_and_errors

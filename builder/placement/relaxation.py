@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from builder.placement.gaussian_model import GaussianModel
-from builder.placement.rules import Rules
+from builder.placement.limits import Rules
 from builder.reporting import Progress
 from strainfmu.arrays import FloatArray, IntArray
 

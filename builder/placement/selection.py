@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from builder.placement.gaussian_model import GaussianModel, Posterior
-from builder.placement.rules import Rules
+from builder.placement.limits import Rules
 from builder.reporting import Progress
 from strainfmu.arrays import FloatArray, IntArray
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from builder.reports.findings.symmetry_classes import grid_mirrors, symmetric_part
+from builder.reports.findings.prior_observability import grid_mirrors, symmetric_part
 from builder.reproduce.case_1 import PUBLISHED_STRAIN, case_1_map, pod_of, study_case_1
 from builder.reproduce.case_2 import Case2Map, case_2_map, odd_part
 from builder.reproduce.paper_readings import READINGS, SHIPPED, Reading

@@ -13,10 +13,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from builder.figures.drawing.canvas import save
-from builder.figures.reproduction import case_1_figures as case_1
-from builder.figures.reproduction import case_2_figures as case_2
-from builder.figures.reproduction.field_views import SIDES
+from builder.figures import reproduction as figures
+from builder.figures.drawing import save
+from builder.figures.reproduction import SIDES
 from builder.reports.page.html import Block, Items, Page, Paragraph, Picture, Section, write_page
 from builder.reports.page.page_tables import Table, by_name, tables_json, write_csv
 from builder.reproduce import paper_tables as tables
@@ -64,7 +63,7 @@ def _of_case_1(studies: Studies, grid: SurfaceGrid) -> dict[str, tuple[Callable[
                 f"Source's field comparison, Configuration {number}, set-up {setup.replace('_', ' ')}.",
             )
     made["coefficient_differences"] = (
-        lambda: case_1.coefficient_differences(
+        lambda: figures.coefficient_differences(
             {title: studies.case_1[f"{key}-2"].coefficient_error for key, title in TITLES.items()}
         ),
         "Source's figure of the differences in force and moment coefficients.",
@@ -77,7 +76,7 @@ def _of_case_2(studies: Studies, grid: SurfaceGrid) -> dict[str, tuple[Callable[
     made: dict[str, tuple[Callable[[], Figure], str]] = {
         "eigenvalues": (partial(_eigenvalue_decay, studies), "Source's figure of the eigenvalues."),
         "eigenvectors": (
-            partial(case_2.eigenvectors, modes, grid),
+            partial(figures.eigenvectors, modes, grid),
             "Source's figure of eigenvectors 1, 3, 6, 23 and 53.",
         ),
     }
@@ -95,10 +94,10 @@ def _of_case_2(studies: Studies, grid: SurfaceGrid) -> dict[str, tuple[Callable[
 
 
 def _pod_differences(studies: Studies) -> Figure:
-    return case_1.pod_differences(
+    return figures.pod_differences(
         {
             title: {
-                number: case_1.PodDifferences(
+                number: figures.PodDifferences(
                     studies.case_1[f"{key}-{number}"].pod_error, studies.case_1[f"{key}-{number}"].pod_bound
                 )
                 for number in (1, 2)
@@ -109,7 +108,7 @@ def _pod_differences(studies: Studies) -> Figure:
 
 
 def _reconstruction_errors(studies: Studies) -> Figure:
-    return case_1.reconstruction_errors(
+    return figures.reconstruction_errors(
         {
             title: {number: studies.case_1[f"{key}-{number}"].field_error for number in (1, 2)}
             for key, title in TITLES.items()
@@ -121,16 +120,16 @@ def _reconstruction_errors(studies: Studies) -> Figure:
 def _field_of_case_1(studies: Studies, setup: str, example: str, number: int, grid: SurfaceGrid) -> Figure:
     field = studies.examples[f"{setup}-{example}"]
     title = f"{EXAMPLES[example]}, Configuration {number}, {TITLES[setup]}: error {100.0 * field.shown:.1f} %"
-    return case_1.field_comparison(field.reference, field.estimate, grid, title)
+    return figures.reference_and_estimate(field.reference, field.estimate, grid, title)
 
 
 def _eigenvalue_decay(studies: Studies) -> Figure:
     spectra = [
-        case_2.Spectrum(label, studies.gamma[f"{key}{suffix}"].eigenvalues, bool(suffix))
+        figures.Spectrum(label, studies.gamma[f"{key}{suffix}"].eigenvalues, bool(suffix))
         for key, title in TITLES.items()
         for suffix, label in (("", title), ("-45", f"{title}, layout '45'"))
     ]
-    return case_2.eigenvalue_decay(spectra, PUBLISHED_GAMMA)
+    return figures.eigenvalue_decay(spectra, PUBLISHED_GAMMA)
 
 
 def _field_of_case_2(studies: Studies, setup: str, what: str, n_modes: int, grid: SurfaceGrid) -> Figure:
@@ -145,14 +144,14 @@ def _field_of_case_2(studies: Studies, setup: str, what: str, n_modes: int, grid
     if what.startswith("off_set"):
         side = "from port (-y)", SIDES["from port (-y)"]
     title = f"{condition}, {TITLES[setup]}: error {100.0 * field.shown:.1f} %"
-    return case_2.field_comparison(fields, field.estimate - field.reference, grid, side, title)
+    return figures.field_comparison(fields, field.estimate - field.reference, grid, side, title)
 
 
 def _draw_ranges(studies: Studies) -> Figure:
-    return case_2.draw_ranges(
+    return figures.draw_ranges(
         {
             title: [
-                case_2.Draws(label, studies.fields[f"{key}-{what}"].errors, _published_range(what))
+                figures.Draws(label, studies.fields[f"{key}-{what}"].errors, _published_range(what))
                 for what, label in DRAWS.items()
             ]
             for key, title in TITLES.items()
@@ -167,7 +166,7 @@ def _published_range(what: str) -> tuple[float, float] | None:
 
 def _noise_free_errors(studies: Studies) -> Figure:
     rows = studies.measured.crime
-    return case_2.noise_free_errors(
+    return figures.noise_free_errors(
         [(row.inversion, row.data) for row in rows],
         np.array([row.field_error for row in rows]),
         np.array([row.odd_error for row in rows]),
@@ -179,7 +178,7 @@ def _reading_ratios(studies: Studies) -> Figure:
     rows = studies.measured.readings
     models, readings = (list(dict.fromkeys(getattr(row, name) for row in rows)) for name in ("model", "reading"))
     ratios = {model: [row.ratio for row in rows if row.model == model] for model in models}
-    return case_2.reading_ratios(ratios, readings, PUBLISHED["k_ratio"].low or 0.0)
+    return figures.reading_ratios(ratios, readings, PUBLISHED["k_ratio"].low or 0.0)
 
 
 Keep = Callable[[str, Callable[[Path], object]], Path]

@@ -11,7 +11,7 @@ from typing import Any
 
 from builder.aero.engines.euler import EulerEngine
 from builder.aero.engines.registry import own_surface
-from builder.aero.euler.planes.marching_grid import GRID_LEVELS
+from builder.aero.euler.planes import GRID_LEVELS
 from builder.aero.surface.mesh import mesh_of_grid
 from builder.campaign.campaign_run import run_campaign, vehicle_campaign
 from builder.campaign.failures import refuse_missing

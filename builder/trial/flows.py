@@ -15,7 +15,7 @@ from builder.aero.engines.local_inclination import tangent_cone_pressure_ratio
 from builder.aero.engines.newtonian import NewtonianEngine
 from builder.aero.surface.mesh import SurfaceMesh, mesh_of_grid
 from builder.campaign.snapshots import Snapshots
-from builder.inverse.noise.leeward import other_leeward
+from builder.inverse.noise.flow_models import other_leeward
 from builder.truth.revolution.flow_table import FlowTable, cosine_series, truth_surface
 from builder.vehicle.file import Vehicle
 from builder.vehicle.toml.toml_sections import Section

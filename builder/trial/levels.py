@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from builder.inverse.envelope.score_limit import tail_quantile
+from builder.inverse.envelope import tail_quantile
 from builder.trial.cases import Air, Built, Case
 from builder.trial.conditions import Where, quantities
 from builder.trial.estimators import estimate_of
@@ -60,7 +60,7 @@ SLOPES, AS_FEW = 21, 1.1
 
 UPPER = 0.05
 """Part of the samples, by each test of the nonlinear estimator, that take steps from their own estimates: levels
-are set from the upper hundredth, :data:`~builder.inverse.envelope.score_limit.TAIL`."""
+are set from the upper hundredth, :data:`~builder.inverse.envelope.TAIL`."""
 
 LEAST_RANGE = 0.2
 """Range of expected chi-square over that at the mean strain, over the parts, from which the levels follow it."""

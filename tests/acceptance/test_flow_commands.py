@@ -13,8 +13,7 @@ from state_estimates import state_gain
 
 from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.pipeline.map_files import make_map
-from builder.pipeline.pipeline import FilesGiven
-from builder.pipeline.used_files import open_pipeline
+from builder.pipeline.pipeline import FilesGiven, open_pipeline
 from builder.reporting import Silent
 from builder.vehicle.file import load_vehicle
 from strainfmu.estimator.map.inverse_map import load_inverse_map

@@ -20,7 +20,7 @@ from coarse_vehicle import true_flights, with_paper_map
 from sweeps import sweep
 
 from builder.aero.engines.euler import EulerEngine
-from builder.aero.euler.planes.marching_grid import marching_grid_of
+from builder.aero.euler.planes import marching_grid_of
 from builder.aero.loads.operator import load_operator
 from builder.campaign.campaign_run import snapshots_of_flows, vehicle_campaign
 from builder.campaign.scheduling import Scheduling, solve_flows

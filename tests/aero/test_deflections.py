@@ -23,13 +23,13 @@ from builder.aero.deflections import Deflection, deflections_of
 from builder.aero.engine import Engine
 from builder.aero.engines.newtonian import NewtonianEngine
 from builder.aero.engines.registry import make_engine
-from builder.aero.loads.sections import six_loads
+from builder.aero.loads.groups import six_loads
 from builder.aero.surface.edges import FEATURE_ANGLE, split_at_edges
 from builder.aero.surface.mesh import SurfaceMesh
 from builder.campaign.campaign_run import run_campaign, vehicle_campaign
 from builder.campaign.scheduling import Scheduling
 from builder.campaign.snapshots import load_snapshots
-from builder.inverse.envelope.bounds import parameter_ranges
+from builder.inverse.envelope import parameter_ranges
 from builder.reporting import Silent
 from builder.structure.solid.case import structure_case
 from builder.structure.solid.mesh_files import read_mesh

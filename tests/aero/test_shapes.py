@@ -10,7 +10,7 @@ import pytest
 
 from builder.aero.cfd.formats.stl import write_stl
 from builder.aero.engines.euler import FullBodyEngine
-from builder.aero.euler.planes.marching_grid import MarchingGrid
+from builder.aero.euler.planes import MarchingGrid
 from builder.aero.shapes import pierced_places, sections_mesh, surface_of_file
 from builder.aero.surface.mesh import SurfaceMesh, mesh_load_operator, mesh_of_grid
 from builder.vehicle.shape.geometry import chain_segments, surface_grid

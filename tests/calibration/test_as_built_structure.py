@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from as_built_case import LAYOUT, TITANIUM
 
-from builder.inverse.noise.gauge_derivatives import strain_derivatives
+from builder.inverse.noise.hardware_errors import strain_derivatives
 from builder.structure.as_built.as_built_structure import AsBuiltStructure, as_built_structure
 from builder.structure.as_built.as_built_vehicle import (
     AsBuilt,

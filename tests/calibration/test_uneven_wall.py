@@ -9,8 +9,8 @@ from builder.structure.as_built.response_tables import side_phases
 from builder.structure.as_built.wall_harmonics import WAVES, rolled_quarter, times_cosine, times_waves
 from builder.structure.as_built.wall_regions import WallRegions, thickened
 from builder.structure.as_built.wall_states import LOW, WallStates, wall_states
+from builder.structure.fourier.inner_surface import PlacedGauges
 from builder.structure.fourier.meridian_mesh import tube_mesh
-from builder.structure.fourier.ring_gauges import PlacedGauges
 from builder.structure.loads.applied import Load, SectionLoad, SurfacePressure, Weight
 from builder.structure.loads.gauge_strain import nodal_force
 from builder.structure.loads.loaded_structure import INNER, LoadProperties

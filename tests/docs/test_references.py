@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 from snippets import ROOT, pages
 
-from builder.aero.euler.scheme import fluxes
+from builder.aero.euler.scheme import flux as fluxes
 from builder.campaign import snapshots
 from builder.reports.build_report import build_page
 from builder.structure import structure_file

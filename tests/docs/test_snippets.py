@@ -25,7 +25,7 @@ from typing import Any
 import pytest
 from snippets import KINDS, ROOT, Snippet, pages, snippets
 
-from builder.aero.euler.planes.marching_grid import GRID_LEVELS
+from builder.aero.euler.planes import GRID_LEVELS
 from strainfmu.cli.main import main
 from strainfmu.estimator.map.inverse_map import load_inverse_map
 

@@ -11,7 +11,7 @@ import pytest
 from structure_record import LAYOUTS, NAMES, ROLL_ANGLES, STATIONS, small_structure
 
 from builder.figures import structure_figures
-from builder.figures.drawing.canvas import save
+from builder.figures.drawing import save
 from builder.structure.observability import SmoothResponse, smooth_response, wave_names, wave_response
 from builder.structure.structure_file import Structure
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from builder.inverse.solved_map import fewest_columns
+from builder.inverse.build import fewest_columns
 
 pytestmark = pytest.mark.fast
 

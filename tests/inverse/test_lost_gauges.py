@@ -14,9 +14,9 @@ from pydantic import BaseModel
 from scipy.stats import binom, chi2
 
 from builder.campaign.snapshots import Snapshots
+from builder.inverse.build import inverse_map_of
 from builder.inverse.problem import inverse_problem
 from builder.inverse.solution import solve
-from builder.inverse.solved_map import inverse_map_of
 from builder.reports.findings.gauge_value import correlations
 from builder.reports.findings.gauge_value import isolable_bias as bias_by_precision
 from builder.structure.fourier.fourier_model import StructuralModel

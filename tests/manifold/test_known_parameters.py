@@ -9,7 +9,7 @@ import pytest
 from deflected_shape import NAME, deflected, known_map, snapshots_of_grid
 from shape_case import N_D, flown, grid_conditions, shape_structure, shape_vehicle
 
-from builder.aero.loads.sections import six_loads
+from builder.aero.loads.groups import six_loads
 from builder.campaign.snapshots import Snapshots
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimate import Estimate

@@ -18,9 +18,9 @@ from ogive import copied_ogive
 from rich.console import Console
 
 import builder
-from builder.pipeline.chosen_estimator import with_estimator
 from builder.pipeline.demonstration import flight_scores
 from builder.pipeline.demonstration.flight_scores import score_flight
+from builder.pipeline.estimator_choice import with_estimator
 from builder.reporting import Silent
 from builder.structure.fourier.fourier_model import StructuralModel
 from builder.truth.flights import FlownPhysics, flown_physics, other_physics

@@ -10,7 +10,7 @@ from inverse_case import Case, snapshots_at
 
 from builder.aero.engine import Flow, FlowKey
 from builder.aero.engines.euler import EulerEngine
-from builder.aero.euler.planes.marching_grid import marching_grid_of
+from builder.aero.euler.planes import marching_grid_of
 from builder.aero.loads.operator import coefficient_scale
 from builder.inverse.build import snapshot_coefficients
 from builder.inverse.sensors.sensor_set import surface_rows

@@ -19,8 +19,7 @@ from builder.campaign.snapshots import load_snapshots, save_snapshots
 from builder.pipeline.load_test_proposal import flows_for_design
 from builder.pipeline.map_files import cached_snapshots, make_map
 from builder.pipeline.measured_levels import alarm_levels_wanted
-from builder.pipeline.pipeline import FilesGiven
-from builder.pipeline.used_files import open_pipeline
+from builder.pipeline.pipeline import FilesGiven, open_pipeline
 from builder.reporting import Silent
 from builder.vehicle.file import load_vehicle
 from builder.workspace import SHARED_VARIABLE

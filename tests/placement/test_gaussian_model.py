@@ -10,9 +10,9 @@ import pytest
 from gaussian_case import count_rules, random_model
 
 from builder.placement.gaussian_model import Criterion, GaussianModel, Posterior
+from builder.placement.limits import Rules
 from builder.placement.lost_gauge import LARGEST_RATIO, loss_ratios, without_weak_points
 from builder.placement.relaxation import knapsack, relaxed
-from builder.placement.rules import Rules
 from builder.placement.selection import best_of_starts, exchanged, greedy, marginal_worth, rounded
 
 pytestmark = pytest.mark.fast

@@ -26,11 +26,10 @@ from builder.placement.curves import accuracy_curves, even_sites, qr_sites
 from builder.placement.design import Aim, Study, aimed, place, placement_study
 from builder.placement.flight_models import Kind, flight_states
 from builder.placement.gaussian_model import GaussianModel
-from builder.placement.limits import Limits, Zone, rules_of
+from builder.placement.limits import Limits, Rules, Zone, rules_of
 from builder.placement.review import Review, review_of
-from builder.placement.rules import Rules
 from builder.reporting import Silent
-from builder.reports.build_report.layout_section import layout_section
+from builder.reports.build_report.build_sections import layout_section
 from builder.reports.page.html import Page, page_html
 from builder.structure.fourier.fourier_model import StructuralModel, structural_model_on
 from builder.structure.gauge_checks import check_gauges

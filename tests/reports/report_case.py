@@ -12,10 +12,10 @@ from builder.aero.engines.registry import make_engine
 from builder.campaign.campaign_run import snapshots_of_flows, vehicle_campaign
 from builder.campaign.scheduling import Scheduling, solve_flows
 from builder.campaign.snapshots import Snapshots
+from builder.inverse.build import inverse_map_of
 from builder.inverse.noise.model import NoiseModel
 from builder.inverse.problem import inverse_problem
 from builder.inverse.solution import Problem, Solution, solve
-from builder.inverse.solved_map import inverse_map_of
 from builder.structure.fourier.fourier_model import StructuralModel, structural_model
 from builder.vehicle.file import Vehicle, load_vehicle
 from builder.vehicle.map.options import MapEntry

@@ -24,13 +24,12 @@ from builder.calibration.estimate.regression import load_equations
 from builder.calibration.ground_test.load_test import LoadErrors, LoadStep, LoadTest
 from builder.calibration.plan.load_plan import PlanParts
 from builder.calibration.plan.worth_of_test import WorthOfTest, worth_of_test
-from builder.figures.calibration.ground_test import influence_coefficients
+from builder.figures.calibration import influence_coefficients
 from builder.pipeline.calibration_report import write_report
 from builder.pipeline.stages import take_snapshots
-from builder.reports.calibration_page.findings import CalibrationFindings, UsedCell
 from builder.reports.calibration_page.ground_test_page import calibration_page
 from builder.reports.calibration_page.ground_test_tables import equations_table
-from builder.reports.calibration_page.verdict import verdict
+from builder.reports.calibration_page.verdict import CalibrationFindings, UsedCell, verdict
 from builder.reports.page.html import page_html
 from builder.reports.page.origin import Origin
 from builder.structure.as_built.as_built_structure import AsBuiltStructure
@@ -261,7 +260,7 @@ def test_files_of_a_report_are_those_that_the_installed_packages_can_write(
     missing: str,
     said: str,
 ) -> None:
-    for module in ("builder.reports.page.packages", "builder.reports.calibration_page.ground_test_page"):
+    for module in ("builder.reports.page.html", "builder.reports.calibration_page.ground_test_page"):
         monkeypatch.setattr(f"{module}.find_spec", lambda name: None if name == missing else find_spec(name))
     files, lines = write_report(findings(found, worth), tmp_path / "calibrated.h5")
     assert sorted(one.suffix for one in files) == [".csv", ".html", *([] if missing else [".pdf"])]

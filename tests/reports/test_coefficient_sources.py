@@ -10,8 +10,7 @@ from report_case import CASE_1, CASE_2, ReportCase, case_of
 
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.solution import ordered_modes
-from builder.reports.findings.coefficient_sources import OF_STATES, coefficient_sources
-from builder.reports.findings.gamma_choice import gamma_choice
+from builder.reports.findings.coefficient_sources import OF_STATES, coefficient_sources, gamma_choice
 from builder.structure.fourier.fourier_model import StructuralModel
 from builder.structure.observability import SYMMETRIES
 from builder.vehicle.file import Vehicle

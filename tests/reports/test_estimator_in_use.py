@@ -25,7 +25,7 @@ from builder.reports.build_report.build_findings import BuildReport
 from builder.reports.build_report.build_page import report_page, write_numbers
 from builder.reports.build_report.build_tables import report_tables
 from builder.reports.build_report.first_screen import first_screen
-from builder.reports.findings.envelope_states import ALL, FEW, envelope, estimated_at, strain_at
+from builder.reports.findings.envelope_states import ALL, FEW, envelope, estimated_at, flight_accuracy, strain_at
 from builder.reports.findings.estimator_in_use import (
     OF_GAUGES,
     InUse,
@@ -33,7 +33,6 @@ from builder.reports.findings.estimator_in_use import (
     estimator_in_use,
     source_variances,
 )
-from builder.reports.findings.flight_accuracy import flight_accuracy
 from builder.reports.findings.gauge_value import gauge_value
 from builder.reports.page.html import page_html
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO

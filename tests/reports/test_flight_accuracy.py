@@ -7,10 +7,16 @@ import pytest
 from flight_maps import ROWS, STATIONS, exact_response, flight_map
 from scaled_maps import scaled_map
 
-from builder.figures.map.flight_accuracy_figure import AccuracyMap, accuracy_maps
+from builder.figures.map.uncertainty import AccuracyMap, accuracy_maps
 from builder.reports.build_report.build_sections import flight_accuracy as accuracy_section
-from builder.reports.findings.envelope_states import ALL, NAVIGATION, ROLLS
-from builder.reports.findings.flight_accuracy import FlightAccuracy, flight_accuracy, flight_accuracy_table
+from builder.reports.findings.envelope_states import (
+    ALL,
+    NAVIGATION,
+    ROLLS,
+    FlightAccuracy,
+    flight_accuracy,
+    flight_accuracy_table,
+)
 from builder.reports.page.html import Page, page_html
 from strainfmu.estimator.air_inputs import AIR_DATA_NAMES
 from strainfmu.estimator.estimator import Estimator

@@ -9,10 +9,9 @@ from scipy.stats import norm
 from state_estimates import state_gain
 
 from builder.campaign.snapshots import Snapshots
-from builder.inverse.loads.covariance import load_covariance_by_terms
+from builder.inverse.build import on_observable_states
 from builder.inverse.solution import solve
-from builder.inverse.solved_map import on_observable_states
-from builder.reports.findings.coefficient_sources import coefficient_sources
+from builder.reports.findings.coefficient_sources import coefficient_sources, load_covariance_by_terms
 from builder.reports.findings.gauge_value import gauge_value
 from builder.structure.fourier.fourier_model import StructuralModel
 from builder.vehicle.file import Vehicle

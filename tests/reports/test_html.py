@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from page_checks import assert_self_contained
 
-from builder.figures.drawing.canvas import blank_figure
+from builder.figures.drawing import blank_figure
 from builder.reports.page.html import (
     Files,
     Items,

@@ -13,8 +13,12 @@ from builder.aero.surface.mesh import mesh_of_grid
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.noise.model import gauge_noise
 from builder.inverse.solution import Problem, solve
-from builder.reports.findings.prior_observability import PriorObservability, prior_observability
-from builder.reports.findings.symmetry_classes import mirror_operators, symmetric_part
+from builder.reports.findings.prior_observability import (
+    PriorObservability,
+    mirror_operators,
+    prior_observability,
+    symmetric_part,
+)
 from builder.reports.page.page_tables import percent
 from builder.structure.fourier.fourier_model import StructuralModel
 from builder.structure.observability import SYMMETRIES

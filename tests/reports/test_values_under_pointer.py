@@ -16,14 +16,20 @@ from clipping import set_width, show
 from page_checks import assert_self_contained
 from report_case import ReportCase
 
-from builder.figures.drawing.canvas import COLOUR_MAP, blank_figure
-from builder.figures.drawing.unrolled import roll_degrees
-from builder.figures.drawing.values import Place, ValuedFigure, column, digits, mark
+from builder.figures.drawing import (
+    COLOUR_MAP,
+    Place,
+    ValuedFigure,
+    blank_figure,
+    column,
+    digits,
+    mark,
+    roll_degrees,
+)
 from builder.figures.map import gauge_figures as gauges
 from builder.reports.build_report.build_findings import BuildReport
 from builder.reports.build_report.build_tables import report_tables
-from builder.reports.page.html import Page, Picture, Section, page_html
-from builder.reports.page.pointer import SCRIPT
+from builder.reports.page.html import SCRIPT, Page, Picture, Section, page_html
 
 MAX_SIZE = 3_000_000
 

@@ -7,7 +7,7 @@ import pytest
 
 from builder.structure.as_built.as_built_vehicle import AsBuilt, Counts
 from builder.structure.as_built.gauge_strain_terms import WallGauges
-from builder.structure.fourier.ring_gauges import PlacedGauges
+from builder.structure.fourier.inner_surface import PlacedGauges
 
 pytestmark = pytest.mark.fast
 

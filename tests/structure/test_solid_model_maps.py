@@ -13,8 +13,7 @@ from small_ogive import write_vehicle
 
 from builder.campaign.snapshots import load_snapshots
 from builder.pipeline.map_files import make_map
-from builder.pipeline.pipeline import FilesGiven
-from builder.pipeline.used_files import open_pipeline
+from builder.pipeline.pipeline import FilesGiven, open_pipeline
 from builder.reporting import Silent
 from builder.structure.fourier.fourier_model import StructuralModel, structural_model
 from builder.structure.mapped_structure import MappedStructure, mapped_structure

@@ -14,7 +14,7 @@ from once import once
 
 from builder.aero.engine import Flow, FlowKey
 from builder.aero.engines.euler import EulerEngine
-from builder.aero.euler.planes.marching_grid import marching_grid_of
+from builder.aero.euler.planes import marching_grid_of
 from builder.aero.loads.operator import load_operator
 from builder.campaign.scheduling import Scheduling, solve_flows
 from builder.campaign.snapshots import Snapshots, load_snapshots, save_snapshots

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from builder.placement.gaussian_model import Criterion, GaussianModel
-from builder.placement.rules import Rules
+from builder.placement.limits import Rules
 
 
 def random_model(seed: int, n_sites: int = 12, b: int = 1, criterion: Criterion = "trace") -> GaussianModel:

@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from builder.structure.fourier.inner_surface import PlacedGauges
 from builder.structure.fourier.meridian_mesh import End, tube_mesh
-from builder.structure.fourier.ring_gauges import PlacedGauges
 from builder.structure.loads.applied import (
     Load,
 )

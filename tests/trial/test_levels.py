@@ -13,7 +13,7 @@ from shape_case import grid_snapshots, shape_map, shape_vehicle
 from shape_truth import beam
 from trial_cases import case_of, other_world
 
-from builder.inverse.envelope.score_limit import tail_quantile
+from builder.inverse.envelope import tail_quantile
 from builder.pipeline import measured_levels
 from builder.pipeline.measured_levels import alarm_levels_wanted, level_conditions, with_shape_levels
 from builder.reporting import Silent

@@ -12,7 +12,7 @@ import pytest
 from flight_maps import N_D, flight_map, whole_map, with_considered_columns, with_considered_error
 from scaled_maps import scaled_map
 
-from builder.figures.comparison.trial import trial_figure
+from builder.figures.comparison import trial_figure
 from builder.trial.bound import KNOWN, cramer_rao_bound
 from builder.trial.cases import Case
 from builder.trial.compared import with_drawn_errors

@@ -15,7 +15,7 @@ from trial_cases import case_of, health_of, other_world
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
 from builder.manifold.nonlinear_build import with_manifold
-from builder.pipeline.chosen_estimator import Estimators
+from builder.pipeline.estimator_choice import Estimators
 from builder.pipeline.trials import check_fit, of_map, run_trial
 from builder.structure.fourier.fourier_model import structural_model
 from builder.trial.cases import Built, Case, Plan, cases_for, load_trial

@@ -20,13 +20,12 @@ from changed_vehicle import TEXT, replaced
 from builder.aero.cfd.formats.point_table import read_point_table
 from builder.aero.cfd.formats.text_numbers import numbers_of, read_file
 from builder.aero.cfd.manifest import load_manifest
-from builder.inverse.noise.gauges import nuisance_terms
+from builder.inverse.problem import nuisance_terms
 from builder.structure.external.nastran.results import read_nastran_gauges
 from builder.structure.external.strain_table import read_strain_table
 from builder.vehicle.conditions.flight_conditions import read_conditions
 from builder.vehicle.file import load_vehicle
-from builder.vehicle.gauges.gauge_table import read_gauge_table
-from builder.vehicle.gauges.layout import read_layout
+from builder.vehicle.gauges.layout import read_gauge_table, read_layout
 from builder.vehicle.shape.profile_entries import read_profile
 from builder.vehicle.shape.sectioned_body import read_sections
 from strainfmu.cosim.models.trajectory import load_trajectory

@@ -11,9 +11,8 @@ from typing import Any
 import numpy as np
 
 from builder.aero.cfd.manifest import CfdCase, Manifest, condition_key, file_content, load_manifest
-from builder.aero.cfd.placement import mirror, place
 from builder.aero.cfd.surface_field import SurfaceField, read_field
-from builder.aero.cfd.surface_transfer import on_surface
+from builder.aero.cfd.surface_transfer import mirror, on_surface, place
 from builder.aero.cfd.units import METRES, check_plausible, pressure_ratio
 from builder.aero.engine import Flow, FlowKey
 from builder.aero.surface.mesh import SurfaceMesh

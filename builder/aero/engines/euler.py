@@ -21,7 +21,7 @@ from scipy.interpolate import Akima1DInterpolator
 
 from builder.aero.engine import CAPPED_TO, Flow, FlowKey
 from builder.aero.euler.bodies.solver import FlowSolution, FullFlowSolution, solve_flow, solve_full_flow
-from builder.aero.euler.planes.marching_grid import MarchingGrid
+from builder.aero.euler.planes import MarchingGrid
 from builder.aero.shapes import node_roll_angles, sections_grid, sections_mesh
 from builder.aero.surface.mesh import SurfaceMesh, mesh_of_grid
 from builder.vehicle.conditions.flight_conditions import flow_key

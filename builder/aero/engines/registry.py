@@ -11,7 +11,7 @@ from strainfmu.errors import InputError
 
 if TYPE_CHECKING:
     from builder.aero.engine import Engine
-    from builder.aero.euler.planes.marching_grid import MarchingGrid
+    from builder.aero.euler.planes import MarchingGrid
     from builder.aero.surface.mesh import SurfaceMesh
     from builder.vehicle.file import Vehicle
     from builder.vehicle.model_entries import Resolution
@@ -64,7 +64,7 @@ def make_engine(
 
 def _euler(vehicle: Vehicle, resolution: Resolution, grid_level: str | None, note: Note) -> Engine:
     from builder.aero.engines.euler import EulerEngine
-    from builder.aero.euler.planes.marching_grid import marching_grid_of
+    from builder.aero.euler.planes import marching_grid_of
 
     grid = marching_grid_of(resolution) if grid_level is None else _level(grid_level)
     if not vehicle.is_axisymmetric:
@@ -76,7 +76,7 @@ def _euler(vehicle: Vehicle, resolution: Resolution, grid_level: str | None, not
 
 
 def _level(name: str) -> MarchingGrid:
-    from builder.aero.euler.planes.marching_grid import GRID_LEVELS
+    from builder.aero.euler.planes import GRID_LEVELS
 
     if name not in GRID_LEVELS:
         raise InputError(f"--grid: '{name}' found, must be one of {', '.join(GRID_LEVELS)}")

@@ -7,11 +7,22 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from builder.figures.drawing.canvas import COLOUR_MAP, blank_figure
-from builder.figures.drawing.gauge_marks import KIND_MARKERS, KIND_OFFSETS, kind_label, kinds_of_map, shown_bias
-from builder.figures.drawing.unrolled import roll_degrees
-from builder.figures.drawing.values import Area, ValuedFigure, cell, digits, mark
-from builder.figures.drawing.words import with_signs
+from builder.figures.drawing import (
+    COLOUR_MAP,
+    KIND_MARKERS,
+    KIND_OFFSETS,
+    Area,
+    ValuedFigure,
+    blank_figure,
+    cell,
+    digits,
+    kind_label,
+    kinds_of_map,
+    mark,
+    roll_degrees,
+    shown_bias,
+    with_signs,
+)
 from builder.structure.observability import direction_names
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap

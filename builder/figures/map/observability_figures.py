@@ -9,10 +9,22 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from builder.aero.surface.mesh import SurfaceMesh
-from builder.figures.drawing.canvas import AT_BEST, COLOUR_MAP, THIS_MAP, blank_figure
-from builder.figures.drawing.colours import colour_ends, ends_beyond
-from builder.figures.drawing.unrolled import roll_degrees, unrolled_triangles
-from builder.figures.drawing.values import ENDS, Area, ValuedFigure, cell, column, digits
+from builder.figures.drawing import (
+    AT_BEST,
+    COLOUR_MAP,
+    ENDS,
+    THIS_MAP,
+    Area,
+    ValuedFigure,
+    blank_figure,
+    cell,
+    colour_ends,
+    column,
+    digits,
+    ends_beyond,
+    roll_degrees,
+    unrolled_triangles,
+)
 from builder.figures.map.gauge_figures import draw_gauges, gauge_areas, gauge_texts
 from builder.structure.observability import SYMMETRIES
 from strainfmu.arrays import BoolArray, FloatArray, IntArray

@@ -17,10 +17,8 @@ from numpy.typing import NDArray
 
 from builder.aero.cfd.formats.vtk_files import write_vtk
 from builder.campaign.snapshots import load_snapshots
-from builder.figures.drawing.canvas import COLOUR_MAP, save
-from builder.figures.drawing.colours import colour_ends
-from builder.figures.scene.scene import BOX, BOX_SIDES, STATE_COLOURS, Scene, scene_of_snapshot
-from builder.figures.scene.solid_view import solid_view
+from builder.figures.drawing import COLOUR_MAP, colour_ends, save
+from builder.figures.scene.scene import BOX, BOX_SIDES, STATE_COLOURS, Scene, scene_of_snapshot, solid_view
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.estimator.map.inverse_map import load_inverse_map

@@ -23,11 +23,10 @@ from typing import Any
 
 import numpy as np
 
-from builder.inverse.noise.flow_models import FLOW_MODELS, LEVEL
+from builder.inverse.noise.flow_models import FLOW_MODELS, LEEWARD_PRESSURE, LEVEL
 from builder.inverse.noise.flows_between import BETWEEN
 from builder.inverse.noise.inertia import MASSES, THEORY, VIBRATION_MODES
 from builder.inverse.noise.inertia import NAME as INERTIA
-from builder.inverse.noise.leeward import LEEWARD_PRESSURE
 from builder.inverse.noise.recorder import MISMATCH, PICKUP, SCAN
 from builder.structure.as_built_kinds import IN_NOISE, Role
 from builder.vehicle.file import Vehicle

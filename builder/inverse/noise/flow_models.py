@@ -3,6 +3,11 @@
 Modified newtonian theory gives the pressure on any surface at once, by other equations than the
 snapshots. The difference, flow by flow, stands for the model-form error: it has the shape that another flow model
 has, and grows with the incidence as its loads do.
+
+Error of newtonian flow on the leeward side, of which the theory itself has more than one answer.
+
+Ambient pressure in the shadow and a Prandtl-Meyer expansion differ by most of p_inf, and either is far from a real
+leeward side. So a part of their difference counts as an error of the pressure, in strain and loads together.
 """
 
 from __future__ import annotations
@@ -15,10 +20,51 @@ from builder.aero.engines.newtonian import NewtonianEngine
 from builder.aero.surface.mesh import mesh_of
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.modes.ensemble import Ensemble, ensemble_of
+from builder.inverse.noise.flows_between import same_engine
 from builder.inverse.noise.model import NoiseTerm, pressure_errors
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map.model_form import model_form
 from strainfmu.arrays import FloatArray
+
+LEEWARD_PRESSURE = "leeward pressure of newtonian flow"
+"""Name of the error, in the linear map and in the tables."""
+
+MOST_FLOWS = 100
+"""Conditions at most that the error is taken at; of more some are drawn."""
+
+
+def other_leeward(vehicle: Vehicle) -> str:
+    """Return the leeward side of newtonian flow that is not the vehicle's own."""
+    entry = vehicle.aerodynamics
+    is_expanded = entry.engine == "newtonian" and entry.leeward == "prandtl_meyer"
+    return "ambient" if is_expanded else "prandtl_meyer"
+
+
+def leeward_fields(vehicle: Vehicle, snapshots: Snapshots, ensemble: Ensemble) -> FloatArray | None:
+    """Return fields (k, n_p) of the error at the level of ``ensemble`` [Pa], their squares add up to the mean one.
+
+    None where the snapshots are not of newtonian flow round another shape than a body of revolution, or where no
+    error is stated.
+    """
+    size = model_form(vehicle.map, vehicle.noise).of_leeward
+    stated_engine = same_engine(vehicle, snapshots) if size > 0.0 else None
+    if stated_engine is None:
+        return None
+    changed_engine = same_engine(vehicle, snapshots, other_leeward(vehicle))
+    assert changed_engine is not None
+    listed = snapshots.conditions()
+    if len(listed) > MOST_FLOWS:
+        chosen = np.random.default_rng(1).permutation(len(listed))[:MOST_FLOWS]
+        listed = [listed[row] for row in sorted(chosen.tolist())]
+
+    def ratio(engine: NewtonianEngine) -> FloatArray:
+        return np.array(
+            [engine.solve(engine.flow_key(condition)).arrays["pressure_ratio"] for condition in listed]
+        )
+
+    difference = ratio(changed_engine) - ratio(stated_engine)
+    return np.asarray(size * ensemble.mean_ambient_pressure * difference / np.sqrt(len(difference)))
+
 
 FLOW_MODELS, LEVEL = "difference of flow models", "fraction of the overpressure"
 """Names of the errors, in the linear map and in the tables."""
@@ -28,8 +74,8 @@ def newtonian_snapshots(vehicle: Vehicle, snapshots: Snapshots) -> Snapshots | N
     """Return ``snapshots`` with the pressure of newtonian flow, Prandtl-Meyer leeward.
 
     None where no difference is stated, where the snapshots are of newtonian flow themselves, of which the leeward
-    side alone is open (:mod:`builder.inverse.noise.leeward`), and where they depend on flow parameters, which this
-    flow does not have.
+    side alone is open (:func:`leeward_fields`), and where they depend on flow parameters, which this flow does not
+    have.
     """
     is_stated = model_form(vehicle.map, vehicle.noise).of_newtonian > 0.0
     if not is_stated or snapshots.engine == "newtonian" or snapshots.parameter_names:

@@ -12,8 +12,7 @@ from builder.aero.surface.mesh import Surface, grid_of
 from builder.inverse.modes.ensemble import Ensemble
 from builder.inverse.noise.hardware_errors import HardwareError, error_terms, rms_ambient_pressure
 from builder.inverse.noise.model import NoiseTerm, common_error, gauge_noise, nuisance_modes
-from builder.inverse.sensors.row import SensorRow
-from builder.inverse.sensors.structural import structural_rows
+from builder.inverse.sensors.structural import SensorRow, structural_rows
 from builder.structure.fourier.fourier_model import StructuralModel
 from builder.structure.mapped_structure import MappedStructure
 from builder.vehicle.file import Vehicle

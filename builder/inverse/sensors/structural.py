@@ -2,24 +2,23 @@
 
 Their readings per surface pressure follow from the same model of the wall. So they share its errors with the
 gauges: Young's modulus (the common gain), and the thickness of the wall.
+
+The row of one sensor other than the strain gauges: reading per surface pressure, noise, errors.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from builder.inverse.noise.gauge_derivatives import WALL_STEP
-from builder.inverse.sensors.row import SensorRow
+from builder.inverse.noise.hardware_errors import WALL_STEP
 from builder.structure.as_built.reading_slopes import CLAMP
 from builder.structure.as_built.revolved import with_wall
 from builder.structure.as_built_kinds import BY_REGION, KINDS
-from builder.structure.fourier.displacement import SurfaceTargets, displacement_operator
-from builder.structure.fourier.fourier_model import StructuralModel
-from builder.structure.fourier.inner_surface import inner_surface_points
+from builder.structure.fourier.fourier_model import StructuralModel, SurfaceTargets, displacement_operator
+from builder.structure.fourier.inner_surface import inner_surface_points, place_gauges
 from builder.structure.fourier.meridian_mesh import MeridianMesh
-from builder.structure.fourier.ring_gauges import place_gauges
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import harmonic_response, strain_operator
 from builder.structure.mapped_structure import MappedStructure
@@ -29,6 +28,42 @@ from builder.vehicle.gauges.sensor_entries import Displacements, Fibre
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SensorRow:
+    """One sensor.
+
+    Attributes
+    ----------
+    name, kind, unit : of the reading.
+    position, direction : (3,) [m], (3,) in body axes.
+    operator : (n_p,) reading per net surface pressure [unit/Pa].
+    std, largest, gain : standard deviation of its noise [unit], largest reading [unit], error over reading [1].
+    per_axial_force : reading per axial force on the body, as of base pressure [unit/N].
+    follows_inside : whether it reads against the pressure inside the body.
+    errors : (n_p,) operator of each error that it has in common with other sensors, one standard deviation, by
+        name.
+    shared : the same of errors that it has in common with the strain gauges, by their names there.
+    drift : standard deviation of an offset that all readings of the same name of drift have in common [unit]; by
+        that name.
+    """
+
+    name: str
+    kind: str
+    unit: str
+    position: FloatArray
+    direction: FloatArray
+    operator: FloatArray
+    std: float
+    largest: float
+    gain: float = 0.0
+    per_axial_force: float = 0.0
+    follows_inside: bool = False
+    errors: dict[str, FloatArray] = field(default_factory=dict)
+    shared: dict[str, FloatArray] = field(default_factory=dict)
+    drift: dict[str, float] = field(default_factory=dict)
+
 
 MICRO, MILLI = 1e-6, 1e-3
 

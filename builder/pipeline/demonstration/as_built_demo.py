@@ -21,13 +21,12 @@ from builder.calibration.ground_test.load_test import LoadErrors
 from builder.calibration.ground_test.load_test_file import read_test_file
 from builder.calibration.score.simulated_test import simulate_ground_test, standard_load_cases, write_ground_test
 from builder.campaign.snapshots import load_snapshots
-from builder.figures.calibration.as_built import as_built_figure
-from builder.figures.drawing.canvas import save
+from builder.figures.calibration import as_built_figure
+from builder.figures.drawing import save
 from builder.pipeline.calibrate import calibrate, with_levels_of
 from builder.pipeline.demonstration.flight_scores import SCORE_VERSION, Flown, flown_estimators
 from builder.pipeline.demonstration.flown_shape import FLIGHT, make_numbers
-from builder.pipeline.pipeline import Pipeline
-from builder.pipeline.used_files import MAP, SNAPSHOTS
+from builder.pipeline.pipeline import MAP, SNAPSHOTS, Pipeline
 from builder.structure.as_built.as_built_structure import AsBuiltStructure, as_built_structure
 from builder.structure.as_built.as_built_vehicle import AsBuilt, as_built_std, draw_as_built
 from builder.structure.as_built.wall_regions import counts_of

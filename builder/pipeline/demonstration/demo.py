@@ -14,9 +14,8 @@ import numpy as np
 
 from builder.campaign.snapshots import load_snapshots, snapshots_on
 from builder.figures import demonstration as figures
-from builder.figures.comparison.flown_estimators import estimator_errors
-from builder.figures.drawing.canvas import save
-from builder.pipeline.chosen_estimator import estimator_of, with_estimator
+from builder.figures.comparison import estimator_errors
+from builder.figures.drawing import save
 from builder.pipeline.demonstration.as_built_demo import CALIBRATED, AsBuiltRun
 from builder.pipeline.demonstration.flight_scores import (
     SCORE_VERSION,
@@ -42,10 +41,10 @@ from builder.pipeline.demonstration.flown_shape import (
     make_pictures,
     manoeuvre_warnings,
 )
+from builder.pipeline.estimator_choice import estimator_of, with_estimator
 from builder.pipeline.map_files import make_map, map_parts, solid_structure_of, true_structure_of
-from builder.pipeline.pipeline import FilesGiven, Pipeline
+from builder.pipeline.pipeline import MAP, SNAPSHOTS, FilesGiven, Pipeline, open_pipeline
 from builder.pipeline.stages import AnyProgress, check_before_long_work, reporter_of
-from builder.pipeline.used_files import MAP, SNAPSHOTS, open_pipeline
 from builder.structure.as_built.as_built_structure import refuse_unheld
 from builder.structure.as_built.as_built_vehicle import AsBuilt, exactly_built
 from builder.structure.as_built.wall_regions import counts_in_flight

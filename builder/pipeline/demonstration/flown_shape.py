@@ -18,14 +18,12 @@ import numpy as np
 
 from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.figures import demonstration as figures
-from builder.figures.drawing.canvas import save
-from builder.figures.scene.free_shape import shape_with_gauges
+from builder.figures.drawing import save
 from builder.figures.scene.picture_files import write_picture
-from builder.figures.scene.scene import scene_of_snapshot
+from builder.figures.scene.scene import scene_of_snapshot, shape_with_gauges
 from builder.pipeline.built_sensors import flown_sensors
 from builder.pipeline.map_files import make_independent_flows
-from builder.pipeline.pipeline import Pipeline
-from builder.pipeline.used_files import FLOWS, MAP, SNAPSHOTS, STRUCTURE
+from builder.pipeline.pipeline import FLOWS, MAP, SNAPSHOTS, STRUCTURE, Pipeline
 from builder.structure.as_built.as_built_structure import AsBuiltStructure
 from builder.structure.as_built.as_built_vehicle import AsBuilt
 from builder.structure.as_built_kinds import IN_NOISE

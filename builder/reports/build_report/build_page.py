@@ -10,9 +10,9 @@ import numpy as np
 from builder.placement.review import Review
 from builder.reports.build_report import build_sections as sections
 from builder.reports.build_report.build_findings import BuildReport
+from builder.reports.build_report.build_sections import layout_section
 from builder.reports.build_report.build_tables import first_rows, report_tables
 from builder.reports.build_report.first_screen import WELL, first_screen
-from builder.reports.build_report.layout_section import layout_section
 from builder.reports.findings.coefficient_sources import CoefficientSources
 from builder.reports.page.html import Block, Cards, Files, Items, Page, Paragraph, Section, write_page
 from builder.reports.page.page_tables import Table, percent, tables_json, write_csv

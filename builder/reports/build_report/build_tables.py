@@ -13,7 +13,7 @@ import numpy as np
 from builder.inverse.noise.error_list import GAUGE_NOISE, error_named
 from builder.reports.build_report.build_findings import BuildReport
 from builder.reports.findings.coefficient_sources import AIR_DATA, CoefficientSources, coefficient_scales
-from builder.reports.findings.flight_accuracy import flight_accuracy_table
+from builder.reports.findings.envelope_states import flight_accuracy_table
 from builder.reports.page.page_tables import SCALES, Column, Table, by_name, make_table, records_table
 from builder.structure.observability import SYMMETRIES, direction_names
 from strainfmu.arrays import FloatArray

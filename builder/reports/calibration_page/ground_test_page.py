@@ -11,10 +11,9 @@ import numpy as np
 from builder.calibration.estimate.estimated_vehicle import Estimate
 from builder.calibration.estimate.load_steps import step_remarks
 from builder.calibration.estimate.remarks import remarks
-from builder.figures.calibration import ground_test
+from builder.figures import calibration as ground_test
 from builder.reports.calibration_page import ground_test_tables as tables
-from builder.reports.calibration_page.findings import CalibrationFindings
-from builder.reports.calibration_page.verdict import Verdict, verdict
+from builder.reports.calibration_page.verdict import CalibrationFindings, Verdict, verdict
 from builder.reports.page.html import Block, Cards, Items, Page, Paragraph, Section, picture
 from builder.reports.page.page_tables import Table
 from strainfmu.arrays import FloatArray

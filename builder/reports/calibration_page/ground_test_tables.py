@@ -13,8 +13,7 @@ from builder.calibration.estimate.load_steps import SteppedCase
 from builder.calibration.estimate.outside_terms import NOISE, OutsideModel
 from builder.calibration.estimate.regression import LoadEquation
 from builder.calibration.plan.worth_of_test import WorthOfTest
-from builder.reports.calibration_page.findings import UsedCell
-from builder.reports.calibration_page.verdict import Criterion
+from builder.reports.calibration_page.verdict import Criterion, UsedCell
 from builder.reports.page.page_tables import Column, Table, make_table
 from builder.structure.as_built.as_built_vehicle import slices
 from builder.structure.as_built_kinds import KINDS

@@ -60,8 +60,7 @@ from builder.structure.fourier.fourier_model import (
     structural_model_on,
     with_mesh_error,
 )
-from builder.structure.fourier.inner_surface import inner_surface_points
-from builder.structure.fourier.ring_gauges import PlacedGauges
+from builder.structure.fourier.inner_surface import PlacedGauges, inner_surface_points
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import pressure_load
 from builder.structure.fourier.wall_layup import TOUCHES, change_stations

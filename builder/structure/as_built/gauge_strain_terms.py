@@ -22,7 +22,7 @@ from builder.structure.as_built.response_tables import (
     uneven_amplitudes,
 )
 from builder.structure.as_built.wall_harmonics import quarter_turns
-from builder.structure.fourier.ring_gauges import PlacedGauges
+from builder.structure.fourier.inner_surface import PlacedGauges
 from builder.structure.fourier.strain_operator import operator_in_roll
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray, IntArray

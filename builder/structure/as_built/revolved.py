@@ -28,9 +28,8 @@ from builder.structure.as_built.response_tables import ResponseTable, of_all_veh
 from builder.structure.as_built.wall_harmonics import WAVES
 from builder.structure.as_built.wall_regions import counts_in_flight, wall_regions
 from builder.structure.as_built_kinds import BY_REGION, IN_NOISE, KINDS
-from builder.structure.fourier.inner_surface import inner_surface_points
+from builder.structure.fourier.inner_surface import PlacedGauges, inner_surface_points
 from builder.structure.fourier.meridian_mesh import MeridianMesh
-from builder.structure.fourier.ring_gauges import PlacedGauges
 from builder.structure.fourier.shell_mesh import shell_mesh, yielding_clamp
 from builder.structure.fourier.strain_operator import (
     HarmonicResponse,

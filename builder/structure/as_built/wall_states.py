@@ -27,8 +27,8 @@ from builder.structure.as_built.wall_changes import (
 from builder.structure.as_built.wall_harmonics import SIDES, WAVES, harmonic_product
 from builder.structure.as_built.wall_regions import WallRegions, thickened
 from builder.structure.fourier.fourier_elasticity import FourierStiffness
+from builder.structure.fourier.inner_surface import PlacedGauges
 from builder.structure.fourier.meridian_mesh import MeridianMesh, line_nodes
-from builder.structure.fourier.ring_gauges import PlacedGauges
 from builder.structure.fourier.strain_operator import distinct_stations, station_index, strain_rows
 from builder.structure.loads.fourier import FourierStructure
 from builder.structure.loads.loaded_structure import LoadProperties

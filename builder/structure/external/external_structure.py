@@ -29,7 +29,7 @@ from builder.structure.external import strain_per_snapshot
 from builder.structure.external.influence_file import Influence, read_influence, write_influence
 from builder.structure.external.load_cases import columns_found, strain_columns
 from builder.structure.external.nastran.results import nastran_strains
-from builder.structure.external.operator_of_file import structure_of_operator
+from builder.structure.external.strain_per_snapshot import structure_of_operator
 from builder.structure.external.strain_table import SubcaseStrains
 from builder.structure.solid.case import SolidCase, structure_case
 from builder.structure.solid.gauge_rows import Gauges

@@ -13,9 +13,9 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from builder.structure.external.csv_rows import csv_rows
 from builder.structure.external.strain_table import (
     SubcaseStrains,
+    csv_rows,
     refuse_hdf5_results,
     strain_cells,
     table_number,

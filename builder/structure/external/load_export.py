@@ -1,10 +1,13 @@
-"""Files of load cases for another structural code: nodal forces, gauges, and the table of strains to fill in."""
+"""Files of load cases for another structural code: nodal forces, gauges, and the table of strains to fill in.
+
+Load cases as Nastran input: GRID and FORCE cards in large fields, and the SUBCASEs that take them.
+"""
 
 from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from math import degrees
 from pathlib import Path
 
@@ -13,7 +16,6 @@ import numpy as np
 from builder.aero.cfd.formats.vtk_files import write_vtk
 from builder.aero.mapping.pressure_map import nodal_force_operator
 from builder.structure.external.load_cases import LoadCases, strain_columns
-from builder.structure.external.nastran.bulk_data import case_control, force_cards, grid_cards
 from builder.structure.external.strain_table import (
     FIRST_COLUMNS,
     NEEDED_COLUMNS,
@@ -24,6 +26,43 @@ from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 from strainfmu.files import write_bytes_atomically
 from strainfmu.flight_condition import CONDITION_COLUMNS, FlightCondition
+
+FIELD = 16
+
+
+def grid_cards(point: FloatArray) -> str:
+    """Return the GRID cards of points (n, 3) [m], numbered from 1, in the basic coordinate system."""
+    lines = ["$ nodes of the surface that carries the pressure, body axes: x aft, y starboard, z up [m]"]
+    for number, (x, y, z) in enumerate(point.tolist(), start=1):
+        lines += [f"GRID*   {number:16d}{0:16d}{_real(x)}{_real(y)}*", f"*       {_real(z)}"]
+    return "\n".join(lines) + "\n"
+
+
+def force_cards(set_number: int, title: str, force: FloatArray) -> str:
+    """Return the FORCE cards of forces (n, 3) [N] at nodes 1 to n, one load set; none at nodes without force."""
+    lines = [f"$ {title}"]
+    loaded: IntArray = np.flatnonzero(np.any(force != 0.0, axis=1))
+    for node in loaded.tolist():
+        x, y, z = force[node].tolist()
+        lines += [
+            f"FORCE*  {set_number:16d}{node + 1:16d}{0:16d}{_real(1.0)}*",
+            f"*       {_real(x)}{_real(y)}{_real(z)}",
+        ]
+    return "\n".join(lines) + "\n"
+
+
+def case_control(names: Sequence[str]) -> str:
+    """Return the case control of n load cases: subcase k takes load set k; strains are asked for at fibres."""
+    lines = ["$ case control; the load sets stand in the files of the same names", "STRAIN(PLOT,FIBER) = ALL"]
+    for number, name in enumerate(names, start=1):
+        lines += [f"SUBCASE {number}", f"  LABEL = {name}", f"  LOAD = {number}"]
+    return "\n".join(lines) + "\n"
+
+
+def _real(value: float) -> str:
+    """Return a number in a field of 16 columns, ten digits."""
+    return f"{value:{FIELD}.9E}"
+
 
 NASTRAN = "bdf"
 FORMATS = ("csv", "vtu", NASTRAN)

@@ -11,6 +11,8 @@ Z_p from strains under the snapshots' own pressures: all that a map of the liste
 
 A map takes Z_p of combinations of its snapshots alone. So any operator that gives the strains found under them
 gives the same map; the one with the smallest norm is taken, Z = S^T (P P^T)^+ P with P the cases' pressures.
+
+The structure around a strain operator that follows from a file of another structural code.
 """
 
 from __future__ import annotations
@@ -22,15 +24,52 @@ from pathlib import Path
 
 import numpy as np
 
+from builder.aero.surface.mesh import SurfaceMesh
 from builder.campaign.snapshots import Snapshots
 from builder.structure.external.load_cases import LoadCases, columns_found, load_cases
-from builder.structure.external.operator_of_file import structure_of_operator
 from builder.structure.external.strain_table import StrainTable, SubcaseStrains, read_strain_table
-from builder.structure.solid.gauge_rows import Gauges
-from builder.structure.structure_file import Structure
+from builder.structure.solid.gauge_rows import Gauges, gauge_fields
+from builder.structure.structure_file import MeshCheck, Structure
 from builder.vehicle.file import Vehicle
+from builder.vehicle.shape.profile_entries import profile_record
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
+from strainfmu.version import __version__
+
+
+def structure_of_operator(
+    strain_operator: FloatArray,
+    surface: SurfaceMesh,
+    layouts: Mapping[str, Gauges],
+    vehicle: Vehicle,
+    *,
+    model: str,
+    path: Path,
+    statistics: Mapping[str, int],
+    check: MeshCheck | None = None,
+) -> Structure:
+    """Return the structure whose gauges ``layouts`` read ``strain_operator`` (k, n_p) [1/Pa] on ``surface``.
+
+    ``model`` and ``path`` say where it is from; the file brings no mesh of ours, so ``mesh_error`` is 0.
+    """
+    return Structure(
+        vehicle=vehicle.name,
+        model=model,
+        settings={
+            "strainfmu_version": __version__,
+            "mesh": {"model": model, "file_name": path.name},
+            "profile": profile_record(vehicle.body()),
+        },
+        statistics=dict(statistics),
+        **gauge_fields(layouts),
+        point=surface.point,
+        triangle=surface.triangle,
+        normal=surface.node_normal,
+        strain_operator=strain_operator,
+        mesh_error=np.zeros(len(strain_operator)),
+        check=check,
+    )
+
 
 RIDGE = 1e-7
 """Added to K, relative to its largest eigenvalue: strains with four digits pass, in float64 K has an inverse."""

@@ -7,7 +7,7 @@ The data go one way:
 :class:`~builder.structure.fourier.meridian_mesh.MeridianMesh`)
 -> :mod:`~builder.structure.fourier.fourier_elasticity` (one stiffness matrix per harmonic of the roll angle)
 and :mod:`~builder.structure.fourier.strain_operator` (nodal forces per station pressure)
--> :mod:`~builder.structure.fourier.ring_gauges` (where each gauge is and which strain it reads)
+-> :mod:`~builder.structure.fourier.inner_surface` (where each gauge is and which strain it reads)
 -> :mod:`~builder.structure.fourier.strain_operator` (Z_p: nodal surface pressure to gauge strain).
 :mod:`~builder.structure.fourier.fourier_model` does all of it for a vehicle file.
 """

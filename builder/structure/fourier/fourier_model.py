@@ -1,4 +1,7 @@
-"""The semi-analytic model of a vehicle: gauges on the inner surface of its wall, and their strain per pressure."""
+"""The semi-analytic model of a vehicle: gauges on the inner surface of its wall, and their strain per pressure.
+
+Displacement of points on the inner surface per surface pressure, by the adjoint solves that give strain.
+"""
 
 from __future__ import annotations
 
@@ -7,12 +10,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from builder.reporting import Progress
+from builder.structure.fourier.inner_surface import PlacedGauges, inner_surface_points, place_gauges
 from builder.structure.fourier.meridian_mesh import MeridianMesh
-from builder.structure.fourier.ring_gauges import PlacedGauges, place_gauges
 from builder.structure.fourier.shell_mesh import shell_mesh
-from builder.structure.fourier.strain_operator import HarmonicResponse, harmonic_response, strain_operator
+from builder.structure.fourier.strain_operator import (
+    HarmonicResponse,
+    harmonic_response,
+    operator_in_roll,
+    response_of_rows,
+    strain_operator,
+)
 from builder.structure.gauge_placement import gauge_layout
-from builder.structure.wall import wall_of
+from builder.structure.wall import Material, wall_of
 from builder.vehicle.file import Vehicle
 from builder.vehicle.gauges.gauge_entries import GaugeLayoutEntry, GaugeRow
 from builder.vehicle.gauges.layout import GaugeLayout
@@ -170,3 +179,47 @@ def _with_surface_and_length(
     if entry.rows is None:
         return [(where, entry)]
     return [(f"{where}.rows.{number}", row) for number, row in enumerate(entry.rows, start=1)]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SurfaceTargets:
+    """Points of the inner surface whose displacement along a direction is read.
+
+    Attributes
+    ----------
+    x, roll_angle : (n,) stations [m] and roll angles [rad].
+    direction : (n, 3) unit vectors, body axes.
+    """
+
+    x: FloatArray
+    roll_angle: FloatArray
+    direction: FloatArray
+
+
+def displacement_rows(mesh: MeridianMesh, x: FloatArray) -> FloatArray:
+    """Return (n, 3, n_dof) [1]: axial, radial, circumferential displacement at stations ``x`` (n,) [m].
+
+    The same for every harmonic: the first two go as cos(m phi), the last, towards growing roll angle, as sin.
+    """
+    point = inner_surface_points(mesh, x)
+    rows = np.zeros((len(x), 3, len(mesh.node), 3))
+    for component in range(3):
+        rows[np.arange(len(x))[:, None], component, point.node, component] = point.value
+    return rows.reshape(len(x), 3, mesh.n_dof)
+
+
+def displacement_operator(
+    mesh: MeridianMesh, material: Material, targets: SurfaceTargets, grid: SurfaceGrid, max_harmonic: int
+) -> FloatArray:
+    """Return (n, n_p) [m/Pa], displacement of ``targets`` per pressure at the nodes of ``grid``.
+
+    Errors are as in :func:`builder.structure.fourier.strain_operator.harmonic_response`.
+    """
+    rows = displacement_rows(mesh, targets.x)
+    response = response_of_rows(mesh, material, lambda _: rows, grid.x, max_harmonic)
+    axial, radial, around = response.reshape(len(targets.x), 3, *response.shape[1:]).transpose(1, 0, 2, 3)
+    sin, cos = np.sin(targets.roll_angle), np.cos(targets.roll_angle)
+    along_x, along_y, along_z = targets.direction.T
+    outward, tangential = along_y * sin + along_z * cos, along_y * cos - along_z * sin
+    even = along_x[:, None, None] * axial + outward[:, None, None] * radial
+    return operator_in_roll(even, tangential[:, None, None] * around, targets.roll_angle, grid)

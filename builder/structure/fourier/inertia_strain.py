@@ -23,8 +23,8 @@ from builder.structure.fourier.fourier_elasticity import (
     roll_integral,
 )
 from builder.structure.fourier.free_flight import FlyingSolver, inertia_matrix
+from builder.structure.fourier.inner_surface import PlacedGauges
 from builder.structure.fourier.meridian_mesh import MeridianMasses, MeridianMesh
-from builder.structure.fourier.ring_gauges import PlacedGauges
 from builder.structure.fourier.strain_operator import distinct_stations, station_index, strain_rows
 from builder.structure.wall import Material
 from strainfmu.arrays import FloatArray

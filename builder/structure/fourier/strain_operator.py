@@ -25,9 +25,8 @@ from builder.structure.fourier.fourier_elasticity import (
     factor_harmonic,
 )
 from builder.structure.fourier.free_flight import FlyingSolver
-from builder.structure.fourier.inner_surface import SurfacePoints, inner_surface_points
+from builder.structure.fourier.inner_surface import PlacedGauges, SurfacePoints, inner_surface_points
 from builder.structure.fourier.meridian_mesh import MeridianMesh, locate_on_edge, quadratic_shape
-from builder.structure.fourier.ring_gauges import PlacedGauges
 from builder.structure.wall import Material
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray

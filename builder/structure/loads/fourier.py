@@ -27,8 +27,8 @@ from builder.structure.fourier.fourier_elasticity import (
     strain_displacement,
 )
 from builder.structure.fourier.free_flight import held_at_points
+from builder.structure.fourier.inner_surface import PlacedGauges
 from builder.structure.fourier.meridian_mesh import MeridianMesh, line_nodes, locate_on_edge, quadratic_shape
-from builder.structure.fourier.ring_gauges import PlacedGauges
 from builder.structure.fourier.strain_operator import distinct_stations, station_index, strain_rows
 from builder.structure.loads.applied import Load, PadForce, PadPressure, PointForce
 from builder.structure.loads.loaded_structure import INNER, OUTER, LoadProperties, SurfacePoints, check_stations

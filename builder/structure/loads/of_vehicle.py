@@ -15,8 +15,8 @@ import numpy as np
 
 from builder.reporting import Progress
 from builder.structure.fourier.fourier_model import refuse_gauges_beyond_fourier
+from builder.structure.fourier.inner_surface import place_gauges
 from builder.structure.fourier.meridian_mesh import NO_NODES
-from builder.structure.fourier.ring_gauges import place_gauges
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.wall_layup import other_densities
 from builder.structure.gauge_placement import gauge_layout

@@ -55,7 +55,7 @@ from builder.structure.solid.swept_mesh import (
 from builder.structure.structure_file import SCHEMA_VERSION
 from builder.structure.wall import Wall, wall_of
 from builder.vehicle.file import Vehicle
-from builder.vehicle.gauges.gauge_table import read_gauge_table
+from builder.vehicle.gauges.layout import read_gauge_table
 from builder.vehicle.shape.geometry import BodyOfRevolution
 from builder.vehicle.shape.profile_entries import profile_record
 from strainfmu.arrays import FloatArray

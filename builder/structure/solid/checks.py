@@ -29,7 +29,7 @@ from itertools import permutations
 import numpy as np
 from scipy.sparse import csr_array
 
-from builder.structure.fourier.ring_gauges import place_gauges
+from builder.structure.fourier.inner_surface import place_gauges
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import harmonic_response, strain_operator
 from builder.structure.solid.elements import (

@@ -23,8 +23,7 @@ from builder.structure.solid.nodal_loads import triangulated_surface
 from builder.structure.solid.solid_mesh import EXTERNAL, INTERNAL, SolidMesh
 from builder.vehicle.file import Vehicle
 from builder.vehicle.gauges.gauge_entries import GaugeRow
-from builder.vehicle.gauges.gauge_table import TableGauge, read_gauge_table
-from builder.vehicle.gauges.layout import GaugeLayout
+from builder.vehicle.gauges.layout import GaugeLayout, TableGauge, read_gauge_table
 from builder.vehicle.shape.geometry import BodyOfRevolution
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError

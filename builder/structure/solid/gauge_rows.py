@@ -28,7 +28,7 @@ import numpy as np
 from scipy.sparse import coo_array, csr_array
 
 from builder.reporting import Progress
-from builder.structure.fourier.ring_gauges import LARGEST_DISTANCE, LARGEST_TILT
+from builder.structure.fourier.inner_surface import LARGEST_DISTANCE, LARGEST_TILT
 from builder.structure.solid.elements import (
     FACE_CORNERS,
     CurvedFacets,

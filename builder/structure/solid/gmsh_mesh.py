@@ -290,8 +290,13 @@ STRETCH = 2.0  # of graded meshes: length of elements along the axis over that r
 ARC_POINTS = 24  # through which a curved piece of the meridian is splined
 
 
-def wall_mesh(body: BodyOfRevolution, wall: Wall, element_length: float) -> SolidMesh:
-    """Mesh the wall and the solid tip of a pointed vehicle with tetrahedra of ten nodes of one size.
+def graded_wall_mesh(body: BodyOfRevolution, wall: Wall, relative_length: float) -> SolidMesh:
+    """Mesh the wall and the solid tip of a pointed vehicle with tetrahedra of ten nodes.
+
+    Elements lock by their length round the axis over sqrt(r t), the length in which bending of the wall decays. So
+    they have one size relative to it, and shrink with the radius r towards the tip. Along the meridian, which is
+    straight or nearly so, they are :data:`STRETCH` times as long: the body is drawn shorter by that and its mesh
+    drawn out, since Gmsh's tetrahedra of a volume are as long as they are wide.
 
     The meridian is turned in four quarters; one full turn fails at the pointed ends. Elements are curved with the
     surface except where that would fold them. Surfaces: external, internal, cavity_front, support (the aft ring).
@@ -299,21 +304,6 @@ def wall_mesh(body: BodyOfRevolution, wall: Wall, element_length: float) -> Soli
     Parameters
     ----------
     body, wall : outer shape; thickness and solid tip, as in the Fourier model.
-    element_length : largest element edge [m].
-    """
-    check_length(element_length)
-    return _wall_mesh(body, wall, str(element_length), 1.0)
-
-
-def graded_wall_mesh(body: BodyOfRevolution, wall: Wall, relative_length: float) -> SolidMesh:
-    """Mesh the same wall with elements of one size relative to sqrt(r t), the length in which its bending decays.
-
-    Elements lock by their length round the axis over sqrt(r t), so it shrinks with the radius r towards the tip.
-    Along the meridian, which is straight or nearly so, they are :data:`STRETCH` times as long.
-
-    Parameters
-    ----------
-    body, wall : as in :func:`wall_mesh`.
     relative_length : element edge round the axis over sqrt(r t) [1]; longer ones than about 0.5 lock.
 
     Raises
@@ -325,18 +315,9 @@ def graded_wall_mesh(body: BodyOfRevolution, wall: Wall, relative_length: float)
     """
     check_length(relative_length, "relative_length", "")
     decay_length = f"Sqrt({wall.thickness} * Sqrt(y * y + z * z))"
-    min_size = SIZE_AT_POINT * wall.thickness
-    return _wall_mesh(body, wall, f"Max({min_size}, {relative_length} * {decay_length})", STRETCH)
-
-
-def _wall_mesh(body: BodyOfRevolution, wall: Wall, size: str, stretch: float) -> SolidMesh:
-    """Mesh the wall with elements of a size [m] that is a formula of x / stretch, y, z [m].
-
-    The body is drawn shorter by ``stretch`` and its mesh drawn out: that is how elements come to be longer along
-    the axis, since Gmsh's tetrahedra of a volume are as long as they are wide.
-    """
+    size = f"Max({SIZE_AT_POINT * wall.thickness}, {relative_length} * {decay_length})"
     pieces, corner = _meridian_pieces(body, wall)
-    shorter = np.array([1.0 / stretch, 1.0])
+    shorter = np.array([1.0 / STRETCH, 1.0])
     with gmsh_model("wall") as gmsh:
         occ = gmsh.model.occ
         face = _meridian_face(occ, [piece * shorter for piece in pieces])
@@ -348,11 +329,11 @@ def _wall_mesh(body: BodyOfRevolution, wall: Wall, size: str, stretch: float) ->
         occ.remove([(2, face)], recursive=True)
         occ.removeAllDuplicates()
         occ.synchronize()
-        slope = SIZE_PER_RADIUS * np.tan(min(body.tip_angle, body.cut_tip_angle)) * stretch
+        slope = SIZE_PER_RADIUS * np.tan(min(body.tip_angle, body.cut_tip_angle)) * STRETCH
         near_point = f"{SIZE_AT_POINT * wall.thickness} + {slope} * Abs(x)"
-        near_cavity = f"{SIZE_PER_RADIUS * corner[1]} + {slope} * Abs(x - {corner[0] / stretch})"
+        near_cavity = f"{SIZE_PER_RADIUS * corner[1]} + {slope} * Abs(x - {corner[0] / STRETCH})"
         set_size(gmsh, f"Min({size}, Min({near_point}, {near_cavity}))")
-        mesh = mesh_volumes(gmsh, "wall", {}, stretch)
+        mesh = mesh_volumes(gmsh, "wall", {}, STRETCH)
     return replace(mesh, surface=_without_cavity_front(mesh, float(corner[0])))
 
 

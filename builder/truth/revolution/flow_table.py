@@ -19,7 +19,7 @@ from scipy.interpolate import CubicSpline
 from builder.aero.engine import Flow, FlowKey
 from builder.aero.engines.euler import EulerEngine, pieces, pressure_at_stations
 from builder.aero.engines.newtonian import NewtonianEngine
-from builder.aero.euler.planes.marching_grid import marching_grid_of
+from builder.aero.euler.planes import marching_grid_of
 from builder.aero.surface.mesh import mesh_of_grid
 from builder.campaign.campaign_run import complete_flows
 from builder.campaign.journal import Journal

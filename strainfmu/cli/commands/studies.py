@@ -14,7 +14,7 @@ from rich.table import Table
 
 import builder
 from strainfmu.cli.commands.printed import say, say_finished
-from strainfmu.errors import StrainfmuError
+from strainfmu.errors import SeveralErrors
 from strainfmu.estimator.signal_names import COEFFICIENT_NAMES
 
 if TYPE_CHECKING:
@@ -77,7 +77,7 @@ def study(**options: Any) -> None:
         _show_designs(result)
     say_finished(", ".join(str(path) for path in result.files) or "no design was scored", start)
     if result.faults:
-        raise StrainfmuError("\n".join(result.faults))
+        raise SeveralErrors("\n".join(result.faults))
 
 
 def _show_designs(result: StudyResult) -> None:

@@ -104,7 +104,7 @@ def _inspect_snapshots(path: Path, folder: Path, console: Console) -> None:
     from builder.campaign.failures import failed_conditions, failure_lines
     from builder.campaign.snapshots import load_snapshots
     from builder.figures import snapshot_figures
-    from builder.figures.drawing.canvas import save
+    from builder.figures.drawing import save
 
     snapshots = load_snapshots(path)
     summary = Table(title=escape(f"{path}: {snapshots.vehicle}"), show_header=False)

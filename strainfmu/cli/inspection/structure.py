@@ -37,7 +37,7 @@ def inspect_structure(path: Path, folder: Path, console: Console) -> None:
         A figure could not be written, or matplotlib is missing.
     """
     from builder.figures import structure_figures
-    from builder.figures.drawing.canvas import save
+    from builder.figures.drawing import save
     from builder.structure.observability import smooth_response
     from builder.structure.structure_file import SCHEMA, SCHEMA_VERSION, load_structure
 

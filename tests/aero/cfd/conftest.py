@@ -9,7 +9,7 @@ import pytest
 from imported_case import CONDITION, SYMMETRIC
 
 from builder.aero.engines.euler import EulerEngine
-from builder.aero.euler.planes.marching_grid import marching_grid_of
+from builder.aero.euler.planes import marching_grid_of
 from builder.campaign.snapshots import Snapshots
 from builder.vehicle.file import IC3X, load_vehicle
 from builder.vehicle.shape.geometry import SurfaceGrid, surface_grid

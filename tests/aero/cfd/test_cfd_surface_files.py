@@ -12,8 +12,8 @@ import pytest
 from builder.aero.cfd.formats.surface_export import close_openings, open_edges, write_surface
 from builder.aero.cfd.formats.surface_files import read_surface
 from builder.aero.cfd.surface_field import read_field
+from builder.aero.surface.edges import merge_nodes
 from builder.aero.surface.mesh import SurfaceMesh, mesh_of_grid
-from builder.aero.surface.parts import merge_nodes
 from builder.campaign.snapshots import Snapshots, save_snapshots
 from builder.vehicle.file import IC3X, load_vehicle
 from builder.vehicle.shape.geometry import SurfaceGrid, surface_grid

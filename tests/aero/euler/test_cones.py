@@ -12,7 +12,7 @@ from scipy.interpolate import CubicSpline
 from sweeps import sweep
 
 from builder.aero.euler.bodies.solver import FlowSolution, solve_flow
-from builder.aero.euler.planes.marching_grid import GRID_LEVELS
+from builder.aero.euler.planes import GRID_LEVELS
 from builder.vehicle.shape.geometry import chain_segments
 from strainfmu.errors import FlowReachError
 

@@ -11,8 +11,7 @@ from builder.aero.euler.bodies import corner
 from builder.aero.euler.bodies.corner import WallStream
 from builder.aero.euler.bodies.solver import free_stream_of
 from builder.aero.euler.bodies.surface_function import body_walls
-from builder.aero.euler.planes.marching_grid import MarchingGrid
-from builder.aero.euler.planes.plane import Plane, free_stream
+from builder.aero.euler.planes import MarchingGrid, Plane, free_stream
 from builder.aero.euler.scheme.gas import GAMMA, prandtl_meyer_angle
 from builder.aero.euler.scheme.grid import Wall, half_body_rays
 from builder.aero.euler.scheme.march import decode

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from builder.aero.euler.bodies.solver import solve_full_flow
-from builder.aero.euler.planes.marching_grid import MarchingGrid
+from builder.aero.euler.planes import MarchingGrid
 from tests.aero.euler.conical_perturbation import wall_response
 from tests.aero.euler.test_full_body import EllipticCone, assert_balanced
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from builder.aero.euler.bodies.solver import FullFlowSolution, solve_flow, solve_full_flow
-from builder.aero.euler.planes.marching_grid import MarchingGrid
+from builder.aero.euler.planes import MarchingGrid
 from builder.vehicle.shape.geometry import BodyOfRevolution
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import FlowReachError, InputError

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from builder.aero.euler.bodies.solver import solve_flow
-from builder.aero.euler.planes.marching_grid import GRID_LEVELS
+from builder.aero.euler.planes import GRID_LEVELS
 from builder.vehicle.shape.geometry import BodyOfRevolution
 
 Coefficients = Callable[[float, float], np.ndarray]

@@ -18,8 +18,7 @@ from sweeps import sweep
 
 from builder.aero.engines.euler import pressure_at_stations, pressure_ratio_on_surface
 from builder.aero.euler.bodies.solver import FlowSolution, free_stream_of, solve_flow
-from builder.aero.euler.planes.marching_grid import GRID_LEVELS, MarchingGrid
-from builder.aero.euler.planes.plane import free_stream
+from builder.aero.euler.planes import GRID_LEVELS, MarchingGrid, free_stream
 from builder.aero.euler.scheme.gas import expanded_pressure_ratio
 from builder.aero.euler.scheme.grid import Step, cell_areas, full_body_rays, half_body_rays, place_vertices
 from builder.aero.euler.scheme.march import advance_cells, decode, find_fluxes

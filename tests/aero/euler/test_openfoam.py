@@ -14,7 +14,7 @@ from openfoam.elliptic_cone import FLOWS, difference
 from openfoam.sphere_cone import ALONG_AXIS, compare
 
 from builder.aero.euler.bodies.solver import solve_flow
-from builder.aero.euler.planes.marching_grid import marching_grid_of
+from builder.aero.euler.planes import marching_grid_of
 from builder.vehicle.file import VEHICLES, load_vehicle
 from builder.vehicle.shape.geometry import chain_segments
 

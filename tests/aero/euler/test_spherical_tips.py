@@ -13,7 +13,7 @@ from sweeps import sweep
 from builder.aero.euler.bodies import body_march
 from builder.aero.euler.bodies.solver import FlowSolution, solve_flow, solve_full_flow
 from builder.aero.euler.bodies.surface_function import cap_of
-from builder.aero.euler.planes.marching_grid import GRID_LEVELS, MarchingGrid
+from builder.aero.euler.planes import GRID_LEVELS, MarchingGrid
 from builder.aero.euler.starts import spherical_start
 from builder.aero.euler.starts.sphere_flow import solve_sphere
 from builder.vehicle.shape.geometry import BodyOfRevolution, Segment, chain_pieces

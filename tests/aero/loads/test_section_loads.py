@@ -5,9 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from builder.aero.loads.groups import other_load_operator
+from builder.aero.loads.groups import (
+    forces_and_moments,
+    other_load_operator,
+    part_below,
+    section_operator,
+    six_loads,
+    whole_surface,
+)
 from builder.aero.loads.operator import load_operator
-from builder.aero.loads.sections import forces_and_moments, part_below, section_operator, six_loads, whole_surface
 from builder.aero.surface.mesh import SurfaceMesh, mesh_load_operator, mesh_of_grid
 from builder.vehicle.map.options import MapEntry
 from builder.vehicle.shape.geometry import SurfaceGrid, chain_segments, surface_grid

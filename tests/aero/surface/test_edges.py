@@ -7,9 +7,8 @@ from math import pi, radians
 import numpy as np
 import pytest
 
-from builder.aero.surface.edges import prepare_surface, split_at_edges, turn_outward
+from builder.aero.surface.edges import merge_nodes, prepare_surface, split_at_edges, turn_outward
 from builder.aero.surface.mesh import SurfaceMesh
-from builder.aero.surface.parts import merge_nodes
 from strainfmu.errors import InputError
 from tests.aero.triangulated_shapes import box, cone, sphere, together
 

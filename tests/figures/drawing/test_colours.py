@@ -9,7 +9,7 @@ import pytest
 from matplotlib.colors import to_hex
 
 from builder.aero.surface.mesh import SurfaceMesh
-from builder.figures.drawing.colours import colour_ends, part_colours
+from builder.figures.drawing import colour_ends, part_colours
 from builder.figures.map.uncertainty import coefficients
 
 pytestmark = pytest.mark.fast

@@ -10,7 +10,7 @@ import pytest
 
 from builder.aero.surface.mesh import mesh_of_grid
 from builder.figures.demonstration import gauges
-from builder.figures.drawing.gauge_marks import gauge_kinds, kind_label
+from builder.figures.drawing import gauge_kinds, kind_label
 from builder.figures.map.gauge_figures import gauge_loss
 from builder.figures.map.observability_figures import unrolled_pressure
 from builder.vehicle.shape.geometry import chain_segments, surface_grid

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from builder.figures.drawing.words import estimator_in_words, with_signs
+from builder.figures.drawing import estimator_in_words, with_signs
 
 pytestmark = pytest.mark.fast
 

@@ -14,8 +14,15 @@ import pytest
 from builder.aero.cfd.formats.vtk_files import read_vtk
 from builder.aero.surface.mesh import mesh_of_grid
 from builder.figures.scene.picture_files import write_picture
-from builder.figures.scene.scene import BOX_SIDES, STATE_COLOURS, Scene, scene_of, scene_of_snapshot
-from builder.figures.scene.solid_view import VIEWS, solid_view
+from builder.figures.scene.scene import (
+    BOX_SIDES,
+    STATE_COLOURS,
+    VIEWS,
+    Scene,
+    scene_of,
+    scene_of_snapshot,
+    solid_view,
+)
 from builder.vehicle.shape.geometry import chain_segments, surface_grid
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.sensors import strain_rows

@@ -11,10 +11,9 @@ from inverse_case import Case, least_squares, noise_model
 from state_estimates import precision_of
 
 from builder.campaign.snapshots import Snapshots
-from builder.inverse.build import build_inverse_map, snapshot_coefficients
+from builder.inverse.build import build_inverse_map, inverse_map_of, snapshot_coefficients
 from builder.inverse.problem import gauge_noise_covariance, inverse_problem
 from builder.inverse.solution import solve
-from builder.inverse.solved_map import inverse_map_of
 from builder.structure.fourier.fourier_model import StructuralModel
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map.options import MapEntry, Noise

@@ -10,9 +10,9 @@ from coarse_vehicle import with_paper_map
 from state_estimates import state_gain, state_offset
 
 from builder.campaign.snapshots import Snapshots
+from builder.inverse.build import inverse_map_of, on_observable_states
 from builder.inverse.problem import inverse_problem
 from builder.inverse.solution import solve
-from builder.inverse.solved_map import inverse_map_of, on_observable_states
 from builder.structure.fourier.fourier_model import StructuralModel
 from builder.vehicle.file import Vehicle
 from strainfmu.estimator.estimator import Estimator

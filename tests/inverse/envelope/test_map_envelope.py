@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from ensembles import listed_ensemble
 
-from builder.inverse.envelope.bounds import PRESSURE_SLACK, coefficient_half_spaces, flight_ranges
+from builder.inverse.envelope import PRESSURE_SLACK, coefficient_half_spaces, flight_ranges
 from builder.inverse.modes.ensemble import ROLLS, Ensemble
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
 from builder.vehicle.map.options import MapEntry

@@ -11,9 +11,9 @@ from inverse_case import Case, gaussian, least_squares, noise_model
 from state_estimates import load_gain_of, precision_of
 
 from builder.campaign.snapshots import Snapshots
-from builder.inverse.loads.covariance import load_covariance_by_terms
 from builder.inverse.noise.model import NoiseModel, gauge_noise
 from builder.inverse.solution import prior_of_modes
+from builder.reports.findings.coefficient_sources import load_covariance_by_terms
 from strainfmu.linear.pressure_modes import LowRankPrior
 from strainfmu.linear.state_map import gaussian_map, least_squares_map
 

@@ -9,10 +9,9 @@ import pytest
 
 from builder.aero.loads.groups import other_load_operator
 from builder.campaign.snapshots import Snapshots
-from builder.inverse.build import build_inverse_map
+from builder.inverse.build import build_inverse_map, inverse_map_of, on_observable_states
 from builder.inverse.problem import inverse_problem
 from builder.inverse.solution import solve
-from builder.inverse.solved_map import inverse_map_of, on_observable_states
 from builder.structure.fourier.fourier_model import StructuralModel
 from builder.vehicle.file import Vehicle
 from strainfmu.errors import InputError

@@ -12,7 +12,7 @@ from inverse_case import snapshots_at
 
 from builder.aero.engine import Engine
 from builder.aero.engines.euler import EulerEngine
-from builder.aero.euler.planes.marching_grid import marching_grid_of
+from builder.aero.euler.planes import marching_grid_of
 from builder.aero.loads.operator import load_operator
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map, snapshot_coefficients

@@ -10,8 +10,8 @@ from shape_case import ALTITUDE, flown, grid_conditions, shape_structure, shape_
 
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
+from builder.inverse.noise.flow_models import LEEWARD_PRESSURE
 from builder.inverse.noise.flows_between import BETWEEN, FlowsBetween, flows_between
-from builder.inverse.noise.leeward import LEEWARD_PRESSURE
 from builder.inverse.problem import inverse_problem
 from builder.manifold.condition_tables import condition_tables
 from builder.manifold.nonlinear_build import with_manifold

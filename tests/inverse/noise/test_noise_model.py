@@ -14,9 +14,7 @@ from state_estimates import load_gain_of
 
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
-from builder.inverse.loads.covariance import load_covariance_by_terms
-from builder.inverse.noise.gauge_derivatives import strain_derivatives
-from builder.inverse.noise.gauges import gauge_covariance, nuisance_terms
+from builder.inverse.noise.hardware_errors import strain_derivatives
 from builder.inverse.noise.model import (
     NoiseModel,
     NoiseTerm,
@@ -25,9 +23,16 @@ from builder.inverse.noise.model import (
     nuisance_modes,
     truncated_modes,
 )
-from builder.inverse.problem import check_noise, gauge_noise_covariance, inverse_problem
+from builder.inverse.problem import (
+    check_noise,
+    gauge_covariance,
+    gauge_noise_covariance,
+    inverse_problem,
+    nuisance_terms,
+)
+from builder.reports.findings.coefficient_sources import load_covariance_by_terms
 from builder.structure.fourier.fourier_model import StructuralModel
-from builder.structure.fourier.ring_gauges import place_gauges
+from builder.structure.fourier.inner_surface import place_gauges
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import harmonic_response, strain_operator
 from builder.structure.wall import wall_of

@@ -10,7 +10,7 @@ from inverse_case import Case
 
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
-from builder.inverse.noise.gauge_derivatives import strain_derivatives
+from builder.inverse.noise.hardware_errors import strain_derivatives
 from builder.inverse.noise.model import NoiseTerm
 from builder.inverse.problem import inverse_problem
 from builder.reporting import Silent

@@ -11,7 +11,7 @@ from inverse_case import snapshots_at
 
 from builder.aero.engines.euler import EulerEngine
 from builder.aero.engines.newtonian import NewtonianEngine
-from builder.aero.euler.planes.marching_grid import marching_grid_of
+from builder.aero.euler.planes import marching_grid_of
 from builder.aero.surface.mesh import mesh_of_grid
 from builder.structure.external.load_cases import load_cases
 from builder.structure.external.strain_per_snapshot import check_cases

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from kept_results import computed_results
 
+from builder.structure.fourier.inner_surface import PlacedGauges
 from builder.structure.fourier.meridian_mesh import MeridianMesh
-from builder.structure.fourier.ring_gauges import PlacedGauges
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import HarmonicResponse, harmonic_response
 from builder.structure.wall import Material, Wall

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from builder.structure.fourier.displacement import SurfaceTargets, displacement_operator, displacement_rows
+from builder.structure.fourier.fourier_model import SurfaceTargets, displacement_operator, displacement_rows
 from builder.structure.fourier.meridian_mesh import MeridianMesh, tube_mesh
 from builder.structure.wall import Material
 from builder.vehicle.shape.geometry import SurfaceGrid

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from builder.structure.fourier.inertia_strain import bending_strain, inertia_strain
+from builder.structure.fourier.inner_surface import PlacedGauges
 from builder.structure.fourier.meridian_mesh import NO_NODES, MeridianMasses, MeridianMesh, tube_mesh
-from builder.structure.fourier.ring_gauges import PlacedGauges
 from builder.structure.loads.applied import Acceleration
 from builder.structure.loads.fourier import fourier_structure
 from builder.structure.loads.gauge_strain import gauge_strain

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from builder.structure.fourier.inner_surface import PlacedGauges, place_gauges
 from builder.structure.fourier.meridian_mesh import MeridianMesh, tube_mesh
-from builder.structure.fourier.ring_gauges import PlacedGauges, place_gauges
 from builder.vehicle.shape.geometry import BodyOfRevolution
 from strainfmu.errors import InputError
 

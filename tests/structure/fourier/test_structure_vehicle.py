@@ -5,8 +5,8 @@ import time
 import numpy as np
 import pytest
 
+from builder.structure.fourier.inner_surface import PlacedGauges, place_gauges
 from builder.structure.fourier.meridian_mesh import MeridianMesh
-from builder.structure.fourier.ring_gauges import PlacedGauges, place_gauges
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import (
     HarmonicResponse,

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from tube_loads import AREA, INERTIA, LENGTH, METAL, NU, PROPERTIES, RHO, ROLL, A, B, E, X, read, tube
 
+from builder.structure.fourier.inner_surface import PlacedGauges
 from builder.structure.fourier.meridian_mesh import tube_mesh
-from builder.structure.fourier.ring_gauges import PlacedGauges
 from builder.structure.loads.applied import (
     Acceleration,
     ApparentStrain,

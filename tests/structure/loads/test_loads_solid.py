@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from solid_bodies import swept_meridian
 
+from builder.structure.fourier.inner_surface import place_gauges
 from builder.structure.fourier.meridian_mesh import tube_mesh
-from builder.structure.fourier.ring_gauges import place_gauges
 from builder.structure.loads.applied import (
     Acceleration,
     DistributedForce,

@@ -13,7 +13,7 @@ from pydantic import TypeAdapter
 
 from builder.aero.engines.newtonian import NewtonianEngine
 from builder.aero.euler.bodies.solver import solve_flow
-from builder.aero.euler.planes.marching_grid import MarchingGrid
+from builder.aero.euler.planes import MarchingGrid
 from builder.aero.surface.mesh import mesh_load_operator, mesh_of_grid
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.wall import Material, Wall

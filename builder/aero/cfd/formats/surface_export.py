@@ -9,8 +9,8 @@ import numpy as np
 from builder.aero.cfd.formats.cart3d import write_cart3d
 from builder.aero.cfd.formats.stl import write_stl
 from builder.aero.cfd.formats.vtk_files import write_vtk
+from builder.aero.surface.edges import connected, merge_nodes
 from builder.aero.surface.mesh import SurfaceMesh
-from builder.aero.surface.parts import connected, merge_nodes
 from strainfmu.arrays import IntArray
 from strainfmu.errors import InputError
 

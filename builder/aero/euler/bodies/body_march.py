@@ -21,9 +21,9 @@ import numpy as np
 
 from builder.aero.euler.bodies import corner
 from builder.aero.euler.bodies.surface_function import CappedBody, capped_body, cone_wall
-from builder.aero.euler.planes.marching_grid import MarchingGrid
-from builder.aero.euler.planes.plane import (
+from builder.aero.euler.planes import (
     Flow,
+    MarchingGrid,
     Plane,
     change_between,
     cone_force,

@@ -20,8 +20,7 @@ from math import ceil, expm1, log1p, log2
 
 import numpy as np
 
-from builder.aero.euler.planes.marching_grid import MarchingGrid
-from builder.aero.euler.planes.plane import Plane
+from builder.aero.euler.planes import MarchingGrid, Plane
 from builder.aero.euler.scheme.gas import GAMMA, MIN_PRESSURE_RATIO, expanded_pressure_ratio
 from builder.aero.euler.scheme.grid import Step, Wall, find_wall, place_vertices
 from builder.aero.euler.scheme.march import add_wall_force

@@ -14,8 +14,7 @@ import numpy as np
 
 from builder.aero.euler.bodies.body_march import march_body
 from builder.aero.euler.bodies.surface_function import SurfaceFunction, body_walls, cap_of, surface_walls
-from builder.aero.euler.planes.marching_grid import MarchingGrid
-from builder.aero.euler.planes.plane import Flow
+from builder.aero.euler.planes import Flow, MarchingGrid
 from builder.aero.euler.scheme.gas import total_enthalpy
 from builder.aero.euler.scheme.grid import full_body_rays, half_body_rays
 from builder.aero.euler.scheme.reconstruction import Stream

@@ -10,8 +10,12 @@ from __future__ import annotations
 import numpy as np
 
 from builder.aero.euler.scheme.bow_shock import outer_boundary_growth
-from builder.aero.euler.scheme.flux import characteristic_slopes
-from builder.aero.euler.scheme.fluxes import add_circumferential_fluxes, add_radial_fluxes, add_wall_fluxes
+from builder.aero.euler.scheme.flux import (
+    add_circumferential_fluxes,
+    add_radial_fluxes,
+    add_wall_fluxes,
+    characteristic_slopes,
+)
 from builder.aero.euler.scheme.gas import GAMMA, primitive
 from builder.aero.euler.scheme.grid import Rays, Step, Wall, cell_areas, face_area, find_wall, norm, place_vertices
 from builder.aero.euler.scheme.reconstruction import Stream

@@ -13,8 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from builder.aero.euler.planes.marching_grid import MarchingGrid
-from builder.aero.euler.planes.plane import Plane, change_between, cone_imbalance
+from builder.aero.euler.planes import MarchingGrid, Plane, change_between, cone_imbalance
 from builder.aero.euler.scheme.bow_shock import outer_boundary_growth
 from builder.aero.euler.scheme.gas import GAMMA
 from builder.aero.euler.scheme.grid import Rays, Step, cell_areas, place_vertices

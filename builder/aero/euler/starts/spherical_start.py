@@ -15,8 +15,7 @@ from math import ceil, cos, degrees, hypot, radians, sin, sqrt
 import numpy as np
 from scipy.optimize import brentq
 
-from builder.aero.euler.planes.marching_grid import MarchingGrid
-from builder.aero.euler.planes.plane import Flow, Plane
+from builder.aero.euler.planes import Flow, MarchingGrid, Plane
 from builder.aero.euler.scheme.gas import GAMMA
 from builder.aero.euler.scheme.grid import Rays
 from builder.aero.euler.scheme.reconstruction import Stream

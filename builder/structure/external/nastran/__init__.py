@@ -3,5 +3,5 @@
 :mod:`~builder.structure.external.nastran.results` reads files into rows of element strain,
 :mod:`~builder.structure.external.nastran.results` says which element, side and angle each gauge is, and
 :mod:`~builder.structure.external.nastran.results` fills the tables of the two routes with them.
-:mod:`~builder.structure.external.nastran.bulk_data` writes load cases as cards.
+:mod:`~builder.structure.external.load_export` writes load cases as cards.
 """

@@ -14,7 +14,6 @@ from pathlib import Path
 
 import numpy as np
 
-from builder.structure.external.csv_rows import csv_rows
 from builder.structure.external.load_cases import strain_columns
 from builder.structure.external.nastran.element_rows import (
     CURVATURE,
@@ -29,7 +28,7 @@ from builder.structure.external.nastran.element_rows import (
 )
 from builder.structure.external.nastran.op2 import read_op2_strains
 from builder.structure.external.nastran.punch import read_punch_strains
-from builder.structure.external.strain_table import table_number
+from builder.structure.external.strain_table import csv_rows, table_number
 from builder.structure.solid.gauge_rows import Gauges
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from builder.aero.euler.bodies.solver import FullFlowSolution, solve_full_flow
-from builder.aero.euler.planes.marching_grid import MarchingGrid
+from builder.aero.euler.planes import MarchingGrid
 from builder.vehicle.shape.sectioned_body import SectionedBody
 from openfoam.body_case import FlowCase, Solution, solve_case, wall_faces
 from strainfmu.arrays import FloatArray

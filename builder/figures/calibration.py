@@ -1,8 +1,13 @@
-"""A ground test in figures: influence coefficients, residuals, unloading, check loads, sigmas, loads covered."""
+"""A ground test in figures: influence coefficients, residuals, unloading, check loads, sigmas, loads covered.
+
+A vehicle as built in flight: errors of its map before the ground test, after it, and if all were known.
+
+A proposed ground test: where its pads are, and what each case buys.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,14 +18,95 @@ from builder.calibration.estimate.ground_test_faults import load_shifts
 from builder.calibration.estimate.load_steps import SteppedCase
 from builder.calibration.estimate.regression import LoadEquation
 from builder.calibration.ground_test.load_changes import cell_force
+from builder.calibration.plan.load_plan import LoadPlan
 from builder.calibration.plan.worth_of_test import WorthOfTest
-from builder.figures.drawing.canvas import blank_figure
+from builder.figures.drawing import blank_figure
 from builder.structure.as_built.as_built_structure import OF_MASS
+from builder.structure.loads.applied import PadForce, PadPressure
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, LOAD_NAMES, LOAD_UNITS
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+MARKERS = ("o", "s", "^", "v", "D")
+
+
+def load_plan_figure(plan: LoadPlan, title: str) -> Figure:
+    """Draw the pads on the unrolled body and sigma of each coefficient over the number of cases."""
+    figure = blank_figure(11.0, 4.6)
+    left_axes, right_axes = figure.subplots(1, 2, width_ratios=[1.0, 1.1])
+    _pads(left_axes, plan)
+    _worth(right_axes, plan)
+    figure.suptitle(f"Proposed load cases: {title}")
+    return figure
+
+
+def _pads(axis: Any, plan: LoadPlan) -> None:
+    """Mark the pads, with their numbers in the order of the cases."""
+    numbers: dict[tuple[float, float], list[str]] = {}
+    for number, case in enumerate(plan.cases, start=1):
+        for load in case.loads:
+            if isinstance(load, PadForce | PadPressure):
+                roll = float(np.rad2deg(load.roll_angle)) % 360.0
+                numbers.setdefault((load.station, roll), []).append(str(number))
+    for (station, roll), listed in numbers.items():
+        axis.plot(station, roll, "s", color="tab:blue", markersize=11, alpha=0.35)
+        axis.annotate(",".join(listed), (station, roll), ha="center", va="center", fontsize=8)
+    axis.set(xlabel="station [m]", ylabel="roll angle from +z toward +y [deg]", ylim=(-20.0, 360.0))
+    axis.set_yticks(range(0, 360, 45))
+    axis.grid(alpha=0.3)
+    axis.set_title("Pads, numbered by case", fontsize=9, loc="left")
+
+
+def _worth(axis: Any, plan: LoadPlan) -> None:
+    """Draw sigma over the sigma of a vehicle known exactly: as drawn, after the attitudes, after each case."""
+    ratio = np.vstack([plan.before, plan.after_attitudes, plan.sigmas]) / plan.exact
+    place = np.arange(-1, len(ratio) - 1)
+    for i, name in enumerate(COEFFICIENT_NAMES):
+        axis.plot(place, ratio[:, i], marker=MARKERS[i], markersize=4, label=f"${name}$")
+    axis.axhline(1.0, color="black", linewidth=0.8, linestyle="--")
+    axis.set_yscale("log")
+    axis.set_xticks(place, ["drawing", "weight" if plan.attitudes else "zeros", *map(str, place[2:])], fontsize=8)
+    axis.tick_params(axis="x", labelrotation=45)
+    axis.set(xlabel="cases applied")
+    axis.grid(alpha=0.3, which="both")
+    axis.legend(fontsize=8)
+    axis.set_title("Sigma in flight over the sigma of a vehicle known exactly [1]", fontsize=9, loc="left")
+
+
+COLORS = {"before": "tab:red", "exact": "0.45", "after": "tab:blue"}
+"""In the order of drawing."""
+
+
+def as_built_figure(time: FloatArray, flown: Mapping[str, tuple[FloatArray, FloatArray]], title: str) -> Figure:
+    """Draw the errors of each coefficient over ``time`` (n,) [s], map by map, and their rms next to it.
+
+    ``flown`` are errors and standard deviations (n, 5) of the coefficients [1], by the name of the map.
+    """
+    figure = blank_figure(11.0, 9.0)
+    axes = figure.subplots(len(COEFFICIENT_NAMES), 2, sharex="col", width_ratios=[4.0, 1.0], squeeze=False)
+    for i, name in enumerate(COEFFICIENT_NAMES):
+        over_time, bars = axes[i]
+        rms = []
+        for label, color in COLORS.items():
+            error, std = (part[:, i] for part in flown[label])
+            rms.append(float(np.sqrt(np.nanmean(error**2))))
+            if label == "after":
+                over_time.fill_between(
+                    time, -3.0 * std, 3.0 * std, color=color, alpha=0.15, linewidth=0, label="after $3\\sigma$"
+                )
+            over_time.plot(time, error, color=color, linewidth=0.4, label=label)
+        over_time.set_title(f"Error of ${name}$ [1]", fontsize=9, loc="left")
+        over_time.grid(alpha=0.3)
+        bars.bar(list(COLORS), rms, color=list(COLORS.values()))
+        bars.set_title("rms [1]", fontsize=9, loc="left")
+        bars.grid(alpha=0.3, axis="y")
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), ncols=4, fontsize=8, loc="outside lower center")
+    axes[-1, 0].set_xlabel("time [s]")
+    figure.suptitle(f"Map before the ground test, after it, and exact: {title}")
+    return figure
+
 
 DRAWING, CALIBRATED, EXACT = "tab:red", "tab:blue", "0.45"
 """Colours of the drawing, of the calibrated vehicle, and of one that is known exactly."""

@@ -1,1 +1,0 @@
-"""Figures of a calibration: the ground test that is proposed, and the vehicle as built in flight."""

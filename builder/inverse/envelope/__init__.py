@@ -1,1 +1,0 @@
-"""Where a map holds: bounds of coefficients and flight, and the limit of the envelope score."""

@@ -1,1 +1,0 @@
-"""Covariance of the loads that follow from the states, and the loads beyond the five."""
