@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 from snippets import ROOT, pages
 
-from builder.aero.euler.scheme import flux as fluxes
+from builder.aero.euler.scheme import flux
 from builder.campaign import snapshots
 from builder.reports.build_report import build_page
 from builder.structure import structure_file
@@ -108,9 +108,9 @@ def test_every_data_set_of_a_map_is_in_its_schema() -> None:
 
 def test_the_first_step_of_a_pressure_is_the_function_that_turns_it_parallel_to_the_wall() -> None:
     text = (ROOT / "docs" / "developers" / "way_of_a_pressure.md").read_text(encoding="utf-8")
-    named = re.search(r"^\| 1 \| `builder\.aero\.euler\.scheme\.fluxes\.(\w+)`", text, re.MULTILINE)
+    named = re.search(r"^\| 1 \| `builder\.aero\.euler\.scheme\.flux\.(\w+)`", text, re.MULTILINE)
     assert named is not None
-    assert "pressure_at_wall" in signature(getattr(fluxes, named[1])).parameters
+    assert "pressure_at_wall" in signature(getattr(flux, named[1])).parameters
 
 
 def test_theory_sends_the_objective_to_a_module_that_states_it() -> None:

@@ -4,7 +4,7 @@ A face is described in the plane of the axis and its in-plane normal n: it moves
 Per unit of x and of face length the flux is F_n - s E, with
 F_n = (rho v_n, rho u v_n, rho v_n^2 + p, rho v_n v_t) and E = (rho u, rho u^2 + p, rho u v_n, rho u v_t).
 
-Fluxes through the side faces in one step (compiled).
+Second part: all of them in one step.
 """
 
 from __future__ import annotations
