@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from builder.figures import reproduction as figures
+from builder.figures import source_figures as figures
 from builder.figures.drawing import save
-from builder.figures.reproduction import SIDES
+from builder.figures.source_figures import SIDES
 from builder.reports.page.html import Block, Items, Page, Paragraph, Picture, Section, write_page
 from builder.reports.page.page_tables import Table, by_name, tables_json, write_csv
 from builder.reproduce import paper_tables as tables
