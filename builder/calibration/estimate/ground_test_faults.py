@@ -62,6 +62,9 @@ FOLLOWS = 0.8
 UNNAMED = ("gauge", "load")
 """Kinds of faults of which no cause is known."""
 
+ROUNDS = 2
+"""Times that pads are put where steps end, before the estimate: the first time from where causes had them."""
+
 MOST_CAUSES = 10
 """Causes, gauges and loads among them, that are looked for before and after the estimate."""
 
@@ -112,8 +115,10 @@ def _without_faults(model: ReadingsModel) -> tuple[Estimate, tuple[Fault, ...]]:
 
 def _about_its_loads(model: ReadingsModel, used: BoolArray, start: FloatArray | None = None) -> Estimate:
     """Return the estimate by pads that stand where steps from ``start`` (n,) say; see :func:`estimate`."""
-    about, *_ = minimum(model, used, start)
-    return estimate(model.with_pads_of(about), used, about)
+    for _ in range(ROUNDS):
+        start, *_ = minimum(model, used, start)
+        model = model.with_pads_of(start)
+    return estimate(model, used, start)
 
 
 def _before_the_estimate(model: ReadingsModel) -> tuple[ReadingsModel, list[Fault]]:
