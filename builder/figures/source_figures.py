@@ -1,8 +1,6 @@
-"""The source's figures of Case 2, and what the layout "45" changes.
+"""The source's figures of both cases, and what the layout "45" changes; those of Case 1 with a panel per set-up.
 
-Views of a field on a body of revolution, as the source shows it: from the side, from leeward, from ahead.
-
-The source's figures of Case 1, one panel per set-up.
+A field on a body of revolution is shown as the source does: from the side, from leeward, from ahead.
 """
 
 from __future__ import annotations

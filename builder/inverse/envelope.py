@@ -1,7 +1,6 @@
-"""The limit of the envelope score, from flights of the snapshots themselves with every error drawn.
+"""The envelope of a map from its flows: half-spaces of the coefficients, ranges of the flight state.
 
-The envelope of a map from the flows it is built on: half-spaces of the coefficients, ranges of the flight
-state.
+The limit of the envelope score follows from flights of the snapshots themselves, with every error drawn.
 """
 
 from __future__ import annotations

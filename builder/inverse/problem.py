@@ -18,9 +18,8 @@ from builder.campaign.snapshots import Snapshots, snapshots_on
 from builder.inverse.modes.ensemble import Ensemble, ensemble_of
 from builder.inverse.noise.flow_models import LEEWARD_PRESSURE, flow_model_errors, leeward_fields
 from builder.inverse.noise.flows_between import BETWEEN, flows_between
-from builder.inverse.noise.hardware_errors import HardwareError, hardware_errors, hardware_terms
+from builder.inverse.noise.hardware_errors import HardwareError, MeshError, hardware_errors, hardware_terms
 from builder.inverse.noise.inertia import inertia_errors, inertia_map, inertia_terms, strain_by_inertia
-from builder.inverse.noise.mesh_error import MeshError
 from builder.inverse.noise.model import NoiseTerm, gauge_noise, nuisance_modes, pressure_errors
 from builder.inverse.noise.recorder import reading_std, recorder_terms, scan_errors
 from builder.inverse.noise.thermal import (

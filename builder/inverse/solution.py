@@ -14,8 +14,7 @@ from builder.inverse.modes.mode_choice import (
     choice_record,
 )
 from builder.inverse.noise.flows_between import FlowsBetween
-from builder.inverse.noise.hardware_errors import HardwareError
-from builder.inverse.noise.mesh_error import MeshError
+from builder.inverse.noise.hardware_errors import HardwareError, MeshError
 from builder.inverse.noise.model import NoiseModel, NoiseTerm, truncated_modes
 from builder.inverse.sensors.sensor_set import SensorSet
 from builder.vehicle.map.options import MapEntry

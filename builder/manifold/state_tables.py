@@ -8,6 +8,8 @@ standard deviation, without extrapolation (Eca and Hoekstra, J. Comput. Phys. 26
 data). On the shipped vehicle a grid 1.5 times finer than the map's differs from it by 0.4 to 1.4 times as much.
 
 Pressure on the surface of any shape over the flight state, and how far it may be off.
+
+Snapshots of one side of a symmetric body, with their mirror images.
 """
 
 from __future__ import annotations
@@ -22,6 +24,7 @@ from scipy.linalg import block_diag
 from builder.aero.engine import FlowKey
 from builder.aero.engines.euler import EulerEngine
 from builder.aero.euler.planes import MarchingGrid
+from builder.aero.mapping.pressure_map import mirror_operator
 from builder.aero.surface.mesh import SurfaceMesh, grid_of, mesh_of
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.noise.error_list import GRID_REFINEMENT, INTERPOLATION, PROCESS, SPREAD, parts_of
@@ -37,10 +40,16 @@ from builder.manifold.discrepancy import (
     response_of_shapes,
 )
 from builder.manifold.flow_amplitudes import FlowAmplitudes, cosine_amplitudes, flow_amplitudes
-from builder.manifold.interpolation import interpolation_errors, rolled_errors
-from builder.manifold.mirror_images import with_mirror_images
 from builder.manifold.parameter_slopes import ParameterSlopes
-from builder.manifold.tables import of_amplitudes, response_values, ring_response, spline_coefficients, spline_rows
+from builder.manifold.tables import (
+    interpolation_errors,
+    of_amplitudes,
+    response_values,
+    ring_response,
+    rolled_errors,
+    spline_coefficients,
+    spline_rows,
+)
 from builder.vehicle.conditions.flight_conditions import flow_key
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map.model_form import model_form
@@ -48,6 +57,36 @@ from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import FlowReachError, InputError
 from strainfmu.estimator.map.nonlinear_map import FieldParameters, FlightField, ShapeField
+
+SIDESLIP = 2
+"""Column of the sideslip angle in the conditions of snapshots."""
+
+
+def with_mirror_images(snapshots: Snapshots, mesh: SurfaceMesh) -> Snapshots:
+    """Return ``snapshots``; snapshots of one sideslip sign alone with their mirror images in the plane y = 0.
+
+    They stay as they are where the surface is not symmetric, and with flow parameters: a deflection may have a
+    mirror image of its own.
+    """
+    sideslip = snapshots.condition[:, SIDESLIP]
+    one_sided = float(sideslip.min()) * float(sideslip.max()) >= 0.0 and bool(np.any(sideslip != 0.0))
+    if not one_sided or snapshots.parameter_names:
+        return snapshots
+    mirror = mirror_operator(mesh, axis=1)
+    if mirror is None:
+        return snapshots
+    rows = np.flatnonzero(sideslip != 0.0)
+    condition = snapshots.condition[rows].copy()
+    condition[:, SIDESLIP] *= -1.0
+    pressure: FloatArray = np.asarray((mirror @ snapshots.pressure[rows].T).T)
+    changed = {"condition": condition, "pressure": pressure, "solved": np.zeros(len(rows), dtype=bool)}
+    names = ("condition", "pressure", "internal_pressure", "solved", "flow", "momentum_error", "repairs")
+    both: dict[str, Any] = {
+        name: np.concatenate([getattr(snapshots, name), changed.get(name, getattr(snapshots, name)[rows])])
+        for name in (*names, *(() if snapshots.mass_error is None else ("mass_error",)))
+    }
+    return replace(snapshots, **both)
+
 
 _NEGLIGIBLE = 1e-3
 """Singular value, relative to the largest, below which a mode of the snapshots is left out."""

@@ -23,11 +23,12 @@ from builder.pipeline.measured_levels import (
     with_shape_levels,
 )
 from builder.pipeline.pipeline import FLOWS, MAP, SNAPSHOTS, STRUCTURE, FilesGiven, Pipeline, open_pipeline
-from builder.pipeline.shape_flows import make_flow_table, make_shape_flows
 from builder.pipeline.stages import (
     AnyProgress,
     check_before_long_work,
     fourier_structure,
+    make_flow_table,
+    make_shape_flows,
     map_from,
     note_campaign,
     on_snapshots,

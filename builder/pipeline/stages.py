@@ -2,12 +2,15 @@
 
 The commands run the same functions and put files between them (:mod:`builder.pipeline.map_files`). So a map made
 here is the map that ``strainfmu build`` writes, bit for bit.
+
+The flows of the independent model in a folder of results: a table of a body of revolution, and flows at given
+conditions of any other shape.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,21 +18,25 @@ from warnings import warn
 
 import numpy as np
 
+from builder.aero.engine import FlowKey
 from builder.aero.engines.registry import make_engine
+from builder.campaign import snapshots as snapshots_file
 from builder.campaign.campaign_run import (
     Campaign,
     CampaignResult,
     campaign_notes,
+    run_campaign,
     snapshots_in_memory,
     vehicle_campaign,
 )
 from builder.campaign.failures import failed_conditions, missing_line
+from builder.campaign.journal import Journal
 from builder.campaign.scheduling import Scheduling
 from builder.campaign.snapshot_fit import as_flown, flow_record, vehicle_misfits
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
 from builder.inverse.modes.mode_choice import mode_choice_lines
-from builder.inverse.noise.mesh_error import mesh_error_notes
+from builder.inverse.noise.hardware_errors import mesh_error_notes
 from builder.inverse.problem import AnyStructure, check_noise, check_other_loads, inverse_problem
 from builder.inverse.solution import Problem
 from builder.manifold.nonlinear_build import with_manifold
@@ -40,6 +47,7 @@ from builder.pipeline.measured_levels import (
     with_measured_levels,
     with_shape_levels,
 )
+from builder.pipeline.pipeline import Pipeline
 from builder.reporting import Reporter, Silent
 from builder.structure.external.external_structure import external_structure
 from builder.structure.fourier.fourier_model import (
@@ -60,14 +68,17 @@ from builder.structure.solid.solid_model import solve_solid_structure
 from builder.structure.structure_file import Structure
 from builder.structure.structure_fit import on_solid_model, structure_misfits, structure_record
 from builder.trial.readings import World
-from builder.truth.revolution.flow_table import solved_flows, truth_knots
+from builder.truth.revolution.flow_table import flow_inputs, save_flow_table, solved_flows, truth_knots
 from builder.truth.revolution.strain import TrueStructure, true_structure
 from builder.truth.shape import shape_flows
+from builder.vehicle.conditions.flight_conditions import ConditionSet
 from builder.vehicle.file import Vehicle, load_vehicle
 from builder.vehicle.map_needs import check_map_size, used_layouts, why_linear
 from builder.workspace import refuse_misfits
+from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.flight_condition import FlightCondition
 
 AnyProgress = bool | Reporter | None
 """None or False for silence, True for progress bars, or a reporter of the caller's."""
@@ -386,3 +397,53 @@ def mesh_error_line(structure: Structure, noise_std: float | None) -> str:
         f"{structure.settings['mesh_error_against']}: middle {text(int(order[len(order) // 2]))}, "
         f"largest {text(int(order[-1]))} at {structure.gauge_names[int(order[-1])]}"
     )
+
+
+def make_flow_table(
+    pipeline: Pipeline,
+    vehicle: Vehicle,
+    knots: tuple[FloatArray, FloatArray],
+    name: str,
+    holds: str,
+    *,
+    failed: dict[FlowKey, str] | None = None,
+) -> None:
+    """Make the file ``name`` of flows of a body of revolution at ``knots``, Mach numbers and positive incidences
+    [rad]. Flows are kept as they are solved; ``failed`` takes those out of reach, as of
+    :func:`~builder.truth.revolution.flow_table.solved_flows`."""
+
+    def write(path: Path) -> None:
+        with Journal(path) as journal:
+            save_flow_table(solved_flows(vehicle, *knots, pipeline.reporter, failed=failed, journal=journal), path)
+            journal.remove()
+
+    pipeline.make(name, holds, flow_inputs(vehicle, *knots), write, shared=True)
+
+
+def make_shape_flows(
+    pipeline: Pipeline, vehicle: Vehicle, conditions: Sequence[FlightCondition], name: str, holds: str
+) -> None:
+    """Make the file ``name`` of flows at ``conditions``, on the finer surface.
+
+    Flows are kept as they are solved, and taken from an earlier file of other conditions. Those outside the
+    engine's reach are left out.
+
+    Raises
+    ------
+    FlowReachError
+        All of them are.
+    """
+    engine = make_engine(vehicle, None, vehicle.resolution.truth, note=pipeline.reporter.note)
+    campaign = vehicle_campaign(vehicle, engine, (ConditionSet("independent model", tuple(conditions)),))
+
+    def write(path: Path) -> None:
+        note_campaign(run_campaign(campaign, path, Scheduling(), pipeline.reporter), pipeline.reporter)
+
+    inputs = {
+        "schema_version": snapshots_file.SCHEMA_VERSION,
+        "vehicle": vehicle.name,
+        "engine": dict(engine.inputs()),
+        "conditions": [condition.as_row() for condition in conditions],
+        "internal_pressure": campaign.internal_pressure.tolist(),
+    }
+    pipeline.make(name, holds, inputs, write, shared=True)

@@ -14,7 +14,7 @@ from builder.pipeline.pipeline import STRUCTURE
 from builder.pipeline.stages import AnyProgress, mesh_error_line, reporter_of
 from builder.structure.external import load_export
 from builder.structure.external.external_structure import external_structure, written_influence
-from builder.structure.external.load_cases import load_cases
+from builder.structure.external.load_export import load_cases
 from builder.structure.solid.case import structure_case
 from builder.structure.solid.mesh_choice import MeshChoice
 from builder.structure.solid.solid_model import holds_structure, update_structure

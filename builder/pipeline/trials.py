@@ -20,8 +20,8 @@ from builder.campaign import snapshots as snapshots_file
 from builder.campaign.snapshots import load_snapshots
 from builder.figures.comparison import trial_figure
 from builder.figures.drawing import save
-from builder.manifold.mirror_images import with_mirror_images
-from builder.manifold.snapshot_grid import snapshot_grid
+from builder.manifold.condition_tables import snapshot_grid
+from builder.manifold.state_tables import with_mirror_images
 from builder.pipeline.built_sensors import flown_sensors, sensor_names_of
 from builder.pipeline.closed_loop_trial import closed_loop_rows
 from builder.pipeline.estimator_choice import estimator_of, with_estimator
@@ -34,8 +34,13 @@ from builder.pipeline.map_files import (
 )
 from builder.pipeline.pipeline import FLOWS as LEVEL_FLOWS
 from builder.pipeline.pipeline import MAP, SNAPSHOTS, STRUCTURE, FilesGiven, Pipeline, open_pipeline
-from builder.pipeline.shape_flows import make_flow_table, make_shape_flows
-from builder.pipeline.stages import AnyProgress, check_before_long_work, reporter_of
+from builder.pipeline.stages import (
+    AnyProgress,
+    check_before_long_work,
+    make_flow_table,
+    make_shape_flows,
+    reporter_of,
+)
 from builder.reporting import Reporter, Silent
 from builder.structure.as_built.as_built_structure import refuse_unheld
 from builder.structure.gauge_checks import gauges_in_use

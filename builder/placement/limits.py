@@ -1,6 +1,6 @@
-"""What a placement must keep, as a user states it, turned into rules for sites.
+"""Limits of a placement, as a user states them, and as rules for sites.
 
-What a choice of sites must keep: cost and budget, sites that exclude each other, sites that are forced.
+Rules are cost and budget, sites that exclude each other, and sites that are forced.
 """
 
 from __future__ import annotations

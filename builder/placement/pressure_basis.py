@@ -17,7 +17,7 @@ from builder.campaign.snapshots import Snapshots
 from builder.inverse.modes.ensemble import Ensemble
 from builder.manifold.discrepancy import gaussian_process_shapes, process_on_surface
 from builder.manifold.flow_amplitudes import MAX_HARMONIC, cosine_amplitudes
-from builder.manifold.mirror_images import with_mirror_images
+from builder.manifold.state_tables import with_mirror_images
 from builder.vehicle.file import Vehicle
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray, IntArray

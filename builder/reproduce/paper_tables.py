@@ -10,9 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from builder.reports.page.page_tables import Column, Table, make_table, records_table
-from builder.reproduce.acceptance import Verdict
 from builder.reproduce.case_2 import COEFFICIENTS, load_readings
-from builder.reproduce.parity import ParityRow
+from builder.reproduce.parity import ParityRow, Verdict
 from builder.reproduce.setups import TITLES
 from builder.reproduce.studies import Studies
 

@@ -19,8 +19,7 @@ from builder.figures.source_figures import SIDES
 from builder.reports.page.html import Block, Items, Page, Paragraph, Picture, Section, write_page
 from builder.reports.page.page_tables import Table, by_name, tables_json, write_csv
 from builder.reproduce import paper_tables as tables
-from builder.reproduce.acceptance import verdicts
-from builder.reproduce.parity import parity_rows
+from builder.reproduce.parity import parity_rows, verdicts
 from builder.reproduce.protocol import DRAWN_MODES, EXAMPLES, PUBLISHED_GAMMA, Sizes
 from builder.reproduce.published import PUBLISHED
 from builder.reproduce.setups import INDEPENDENT, PAPER_LIKE, SAME_MESH, TITLES

@@ -19,9 +19,8 @@ from builder.campaign.snapshots import SCHEMA_VERSION as SNAPSHOTS_VERSION
 from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.pipeline.stages import AnyProgress, reporter_of
 from builder.reporting import Progress, Reporter
-from builder.reproduce.acceptance import Verdict, verdicts
 from builder.reproduce.paper_readings import SHIPPED, SPANS, gauges_of_45, with_all_gauges
-from builder.reproduce.parity import ParityRow, parity_rows
+from builder.reproduce.parity import ParityRow, Verdict, parity_rows, verdicts
 from builder.reproduce.protocol import HELD_OUT, P1, P2, PAPER, QUICK, TESTS, Sizes, sized
 from builder.reproduce.report import write_report
 from builder.reproduce.setups import SetUp, make_setups, pressures

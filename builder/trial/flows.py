@@ -11,8 +11,7 @@ from typing import Literal
 import numpy as np
 
 from builder.aero.deflections import deflections_of
-from builder.aero.engines.local_inclination import tangent_cone_pressure_ratio
-from builder.aero.engines.newtonian import NewtonianEngine
+from builder.aero.engines.newtonian import NewtonianEngine, tangent_cone_pressure_ratio
 from builder.aero.surface.mesh import SurfaceMesh, mesh_of_grid
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.noise.flow_models import other_leeward
@@ -115,7 +114,7 @@ class Flow(Section):
 def _other_engine(vehicle: Vehicle, surface: SurfaceMesh) -> NewtonianEngine:
     """Return Modified Newtonian theory with another leeward side: of a body of revolution Prandtl-Meyer.
 
-    Source: :mod:`builder.aero.engines.local_inclination`.
+    Source: :mod:`builder.aero.engines.newtonian`.
     """
     if vehicle.is_axisymmetric:
         return NewtonianEngine(surface, leeward="prandtl_meyer")

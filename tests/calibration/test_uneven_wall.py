@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from builder.structure.as_built.response_tables import side_phases
-from builder.structure.as_built.wall_harmonics import WAVES, rolled_quarter, times_cosine, times_waves
+from builder.structure.as_built.wall_changes import WAVES, rolled_quarter, times_cosine, times_waves
 from builder.structure.as_built.wall_regions import WallRegions, thickened
 from builder.structure.as_built.wall_states import LOW, WallStates, wall_states
 from builder.structure.fourier.inner_surface import PlacedGauges

@@ -15,10 +15,15 @@ from builder.inverse.problem import inverse_problem
 from builder.inverse.solution import Problem
 from builder.manifold.discrepancy import gaussian_process_shapes
 from builder.manifold.flow_amplitudes import flow_amplitudes
-from builder.manifold.interpolation import interpolation_errors, left_out_errors
 from builder.manifold.nonlinear_build import tables_and_errors, with_manifold
 from builder.manifold.state_tables import grid_errors
-from builder.manifold.tables import ring_response, spline_coefficients, spline_rows
+from builder.manifold.tables import (
+    interpolation_errors,
+    left_out_errors,
+    ring_response,
+    spline_coefficients,
+    spline_rows,
+)
 from builder.structure.fourier.fourier_model import StructuralModel
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map.model_form import SIZES, model_form

@@ -13,7 +13,7 @@ from shape_case import flown as solved
 from shape_case import shape_vehicle
 from trial_cases import case_of, other_world
 
-from builder.aero.engines.local_inclination import largest_pressure_coefficient
+from builder.aero.engines.newtonian import largest_pressure_coefficient
 from builder.pipeline.measured_levels import level_conditions
 from builder.pipeline.trials import shape_conditions
 from builder.trial.cases import Case, Plan, cases_for, load_trial

@@ -1,9 +1,4 @@
-"""A cross-plane of the march: what it holds, and the balance of mass and momentum up to it.
-
-The flow that is marched.
-
-Resolution of a cross-plane.
-"""
+"""Cross-planes of the march: resolution, the flow in each, and the balance of mass and momentum up to it."""
 
 from __future__ import annotations
 

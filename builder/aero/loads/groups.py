@@ -1,10 +1,7 @@
-"""Hinge moments of regions of the surface: rows that act on the pressure at the surface's nodes.
+"""Loads behind the five that a vehicle file asks for: rows that act on the pressure, and fields of the map.
 
-The loads behind the five that a vehicle file asks for: rows that act on the pressure, and fields of the map.
-
-There is one entry here for each family of :mod:`strainfmu.estimator.other_loads`.
-
-Loads of sections along the body, and the rolling moment: rows that act on the pressure at the surface's nodes.
+There is one entry here for each family of :mod:`strainfmu.estimator.other_loads`: hinge moments of regions of the
+surface, loads of sections along the body, and the rolling moment.
 
 The loads of a section are the loads of the pressure on the part of the surface ahead of the plane x = x_s.
 Triangles that the plane cuts are cut: pressure stays linear over the pieces, so that the loads are exact.

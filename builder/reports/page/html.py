@@ -2,13 +2,10 @@
 
 A page is a title and sections; a section holds paragraphs, lists, tables, figures and further sections. All text
 is escaped. Figures are embedded as data URIs. Each SVG is an image of its own, so that the names inside one cannot
-collide with those inside another. Their values lie over them (:mod:`builder.reports.page.html`).
+collide with those inside another.
 
-Packages of the extra "report": what a report is without where they are not installed.
-
-Values of a figure under the pointer: transparent shapes over the picture, each with its text as title.
-
-A browser shows a title after a moment, without scripts. A few lines of script show it at once, under touch, too.
+Values of a figure show under the pointer: transparent shapes over the picture, each with its text as title. A
+browser shows a title after a moment, without scripts. A few lines of script show it at once, under touch, too.
 """
 
 from __future__ import annotations

@@ -41,7 +41,7 @@ from builder.structure.as_built.response_tables import (
     nominal_table,
     together,
 )
-from builder.structure.as_built.wall_harmonics import WAVES, rolled_quarter, times_waves
+from builder.structure.as_built.wall_changes import WAVES, rolled_quarter, times_waves
 from builder.structure.as_built.wall_regions import WallRegions, counts_of_wall, thickened, wall_regions
 from builder.structure.as_built.wall_states import (
     LOW,

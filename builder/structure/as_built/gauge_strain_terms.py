@@ -21,7 +21,7 @@ from builder.structure.as_built.response_tables import (
     side_phases,
     uneven_amplitudes,
 )
-from builder.structure.as_built.wall_harmonics import quarter_turns
+from builder.structure.as_built.wall_changes import quarter_turns
 from builder.structure.fourier.inner_surface import PlacedGauges
 from builder.structure.fourier.strain_operator import operator_in_roll
 from builder.vehicle.shape.geometry import SurfaceGrid

@@ -26,7 +26,7 @@ from builder.structure.as_built.response_tables import (
     side_phases,
     uneven_amplitudes,
 )
-from builder.structure.as_built.wall_harmonics import WAVES
+from builder.structure.as_built.wall_changes import WAVES
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray, IntArray
 

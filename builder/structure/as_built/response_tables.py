@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from builder.structure.as_built.as_built_vehicle import AsBuilt
-from builder.structure.as_built.wall_harmonics import SIDES, WAVES
+from builder.structure.as_built.wall_changes import SIDES, WAVES
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 
 QUARTER = 0.5 * np.pi

@@ -25,7 +25,7 @@ from builder.structure.as_built.gauge_strain_terms import (
 )
 from builder.structure.as_built.reading_slopes import CLAMP
 from builder.structure.as_built.response_tables import ResponseTable, of_all_vehicles
-from builder.structure.as_built.wall_harmonics import WAVES
+from builder.structure.as_built.wall_changes import WAVES
 from builder.structure.as_built.wall_regions import counts_in_flight, wall_regions
 from builder.structure.as_built_kinds import BY_REGION, IN_NOISE, KINDS
 from builder.structure.fourier.inner_surface import PlacedGauges, inner_surface_points

@@ -16,15 +16,17 @@ import numpy as np
 
 from builder.reporting import Progress
 from builder.structure.as_built.wall_changes import (
+    SIDES,
+    WAVES,
     ElasticClamp,
     ExpectedWall,
     StifferRegion,
     ThickerWall,
     UnevenChange,
+    harmonic_product,
     moved_elements,
     uneven_adjoints,
 )
-from builder.structure.as_built.wall_harmonics import SIDES, WAVES, harmonic_product
 from builder.structure.as_built.wall_regions import WallRegions, thickened
 from builder.structure.fourier.fourier_elasticity import FourierStiffness
 from builder.structure.fourier.inner_surface import PlacedGauges
@@ -161,9 +163,9 @@ class WallStates:
     nominal, fore, aft : of the wall as expected at the stations, and a step ahead of and behind them.
     wall, wall_twice : per relative thickness of each region, then per taper of each, and per their squares; empty
         where the wall is known. These and the next two have the harmonics in which changes count.
-    uneven : for each of :data:`~builder.structure.as_built.wall_harmonics.WAVES`, (n_r, 3 sides) per region of a
+    uneven : for each of :data:`~builder.structure.as_built.wall_changes.WAVES`, (n_r, 3 sides) per region of a
         wall whose thickness goes as cos(wave phi), as in
-        :data:`~builder.structure.as_built.wall_harmonics.SIDES`.
+        :data:`~builder.structure.as_built.wall_changes.SIDES`.
     soft : derivatives by the clamp's compliance along and across the body, then by the softness of each joint,
         then by the modulus of each region, where that is not known.
     forces : structures that give nodal forces only: of the wall as expected, thin ones, thick ones.

@@ -27,7 +27,7 @@ from builder.aero.surface.mesh import SurfaceMesh
 from builder.campaign.snapshots import Snapshots
 from builder.structure.external import strain_per_snapshot
 from builder.structure.external.influence_file import Influence, read_influence, write_influence
-from builder.structure.external.load_cases import columns_found, strain_columns
+from builder.structure.external.load_export import columns_found, strain_columns
 from builder.structure.external.nastran.results import nastran_strains
 from builder.structure.external.strain_per_snapshot import structure_of_operator
 from builder.structure.external.strain_table import SubcaseStrains

@@ -47,7 +47,7 @@ class Influence:
     path : the file.
     node : (n, 3) loaded nodes, body axes [m].
     facet : (f, 3, 4, 6 or 8) nodes of the facets between them, outwards.
-    column : k names of gauges, as :func:`builder.structure.external.load_cases.strain_columns` gives them.
+    column : k names of gauges, as :func:`builder.structure.external.load_export.strain_columns` gives them.
     strain_per_force : (k, n, 3) strain per force along x, y, z at each node [1/N].
     split : whether pressure may jump at sharp edges, as fins and wings have.
 

@@ -26,7 +26,7 @@ import numpy as np
 
 from builder.aero.surface.mesh import SurfaceMesh
 from builder.campaign.snapshots import Snapshots
-from builder.structure.external.load_cases import LoadCases, columns_found, load_cases
+from builder.structure.external.load_export import LoadCases, columns_found, load_cases
 from builder.structure.external.strain_table import StrainTable, SubcaseStrains, read_strain_table
 from builder.structure.solid.gauge_rows import Gauges, gauge_fields
 from builder.structure.structure_file import MeshCheck, Structure

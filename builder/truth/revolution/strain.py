@@ -24,7 +24,7 @@ from builder.structure.as_built.gauge_strain_terms import FlightGauges, gain_of
 from builder.structure.as_built.reading_slopes import CLAMP
 from builder.structure.as_built.response_tables import ResponseTable
 from builder.structure.as_built.revolved import SOLVED, RevolvedStructure, changed_alike, revolved_structure
-from builder.structure.as_built.wall_harmonics import WAVES
+from builder.structure.as_built.wall_changes import WAVES
 from builder.structure.as_built_kinds import IN_NOISE
 from builder.structure.fourier.fourier_model import place_layouts
 from builder.structure.fourier.shell_mesh import shell_mesh

@@ -10,8 +10,7 @@ import pytest
 from imported_case import CONDITION, SYMMETRIC, case_text, manifest_text, table_on
 
 from builder.aero.cfd import surface_transfer
-from builder.aero.cfd.formats.vtk_files import write_vtk
-from builder.aero.cfd.formats.vtk_process import VtkProcess
+from builder.aero.cfd.formats.vtk_files import VtkProcess, write_vtk
 from builder.aero.surface.mesh import mesh_of_grid
 from builder.vehicle.file import IC3X, load_vehicle
 from builder.vehicle.shape.geometry import SurfaceGrid, surface_grid

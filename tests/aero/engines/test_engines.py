@@ -11,7 +11,7 @@ import pytest
 
 from builder.aero.cfd.units import METRES
 from builder.aero.engines.euler import EulerEngine
-from builder.aero.engines.local_inclination import LEEWARD, STAGNATION
+from builder.aero.engines.newtonian import LEEWARD, STAGNATION
 from builder.aero.engines.registry import ENGINES, make_engine
 from builder.campaign.snapshots import load_snapshots
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle

@@ -7,7 +7,7 @@ from math import pi, radians, sqrt
 import numpy as np
 import pytest
 
-from builder.aero.engines.local_inclination import (
+from builder.aero.engines.newtonian import (
     expanded_to_total,
     inclination_pressure_ratio,
     largest_pressure_coefficient,

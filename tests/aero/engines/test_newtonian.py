@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 from cone_theory import taylor_maccoll_pressure
 
-from builder.aero.engines.local_inclination import (
+from builder.aero.engines.newtonian import (
+    NewtonianEngine,
     inclination_pressure_ratio,
     largest_pressure_coefficient,
+    newtonian_engine,
     pitot_pressure_ratio,
     tangent_cone_pressure_ratio,
 )
-from builder.aero.engines.newtonian import NewtonianEngine, newtonian_engine
 from builder.aero.surface.mesh import SurfaceMesh, mesh_load_operator
 from strainfmu.errors import FlowReachError, InputError
 from strainfmu.flight_condition import FlightCondition

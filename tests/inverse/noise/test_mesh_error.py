@@ -7,7 +7,7 @@ import pytest
 
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
-from builder.inverse.noise.mesh_error import mesh_error_notes
+from builder.inverse.noise.hardware_errors import mesh_error_notes
 from builder.inverse.problem import inverse_problem
 from builder.structure.fourier.fourier_model import StructuralModel, structural_model, with_mesh_error
 from builder.structure.mapped_structure import MappedStructure

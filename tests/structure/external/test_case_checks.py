@@ -13,7 +13,7 @@ from builder.aero.engines.euler import EulerEngine
 from builder.aero.engines.newtonian import NewtonianEngine
 from builder.aero.euler.planes import marching_grid_of
 from builder.aero.surface.mesh import mesh_of_grid
-from builder.structure.external.load_cases import load_cases
+from builder.structure.external.load_export import load_cases
 from builder.structure.external.strain_per_snapshot import check_cases
 from builder.structure.fourier.fourier_model import StructuralModel
 from builder.vehicle.conditions.flight_conditions import condition_grid

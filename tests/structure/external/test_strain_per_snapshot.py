@@ -16,8 +16,13 @@ from builder.aero.surface.mesh import mesh_load_operator, mesh_of_grid
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
 from builder.structure.external.external_structure import external_structure
-from builder.structure.external.load_cases import LoadCases, load_cases
-from builder.structure.external.load_export import export_loads, strain_template, subcase_table
+from builder.structure.external.load_export import (
+    LoadCases,
+    export_loads,
+    load_cases,
+    strain_template,
+    subcase_table,
+)
 from builder.structure.external.strain_per_snapshot import smallest_operator, structure_of_strains
 from builder.structure.external.strain_table import read_strain_table
 from builder.structure.fourier.fourier_model import StructuralModel

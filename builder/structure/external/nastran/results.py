@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from builder.structure.external.load_cases import strain_columns
+from builder.structure.external.load_export import strain_columns
 from builder.structure.external.nastran.element_rows import (
     CURVATURE,
     PLATE,
