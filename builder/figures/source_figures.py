@@ -1,4 +1,4 @@
-"""The source's figures of both cases, and what the layout "45" changes; those of Case 1 with a panel per set-up.
+"""The source's figures of both cases, and what the layout "45" changes. Case 1 has a panel per set-up.
 
 A field on a body of revolution is shown as the source does: from the side, from leeward, from ahead.
 """
