@@ -12,6 +12,7 @@ from strainfmu.can.bus_file import read_bus
 from strainfmu.can.log_frames import is_bus_log
 from strainfmu.can.replay import ReplaySummary, replay_described
 from strainfmu.errors import InputError
+from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
 from strainfmu.recorded.run import Progress, estimate_file
 from strainfmu.recorded.summary import EstimationSummary
 
@@ -157,7 +158,7 @@ def column_options(
         "columns": columns or ("plain" if Path(output).suffix.lower() == ".csv" else "all"),
         "check_level": not accept_strain_level,
         "time_constant": filter_seconds,
-        "dynamic_pressure": dynamic_pressure,
+        DYNAMIC_PRESSURE: dynamic_pressure,
         "residuals": residuals,
         "ignore_columns": ignore_columns,
         "accept_held": accept_held,

@@ -26,6 +26,7 @@ from builder.processors import processors
 from strainfmu.any_recording import column_options
 from strainfmu.can.log_frames import is_bus_log
 from strainfmu.errors import InputError, StrainfmuError
+from strainfmu.estimator.signal_names import ZERO
 from strainfmu.files import fingerprint, write_bytes_atomically
 from strainfmu.recorded.checks import DataChecks, FaultCounts, FaultRows
 from strainfmu.recorded.formats import SUFFIXES
@@ -278,7 +279,7 @@ def _summary(counted: Mapping[str, Any]) -> EstimationSummary:
         faults[name] = Counter(faults[name])
     for name in ("railed", "dead"):
         faults[name] = {gauge: FaultRows(**rows) for gauge, rows in faults[name].items()}
-    for name in ("held", "zero"):
+    for name in ("held", ZERO):
         faults[name] = FaultRows(**faults[name])
     return EstimationSummary(
         **{name: counted[name] for name in _NUMBERS},

@@ -41,7 +41,12 @@ def parameters(command: str) -> dict[str, inspect.Parameter]:
     """Return the parameters of the imported functions of a command; the first function's count."""
     dotted = [name.partition(".") for name in public_functions(command)]
     functions = [getattr(import_module(package), name) for package, _, name in reversed(dotted)]
-    return {name: one for function in functions for name, one in inspect.signature(function).parameters.items()}
+    return {
+        name: one
+        for function in functions
+        for name, one in inspect.signature(function).parameters.items()
+        if one.kind is not inspect.Parameter.VAR_KEYWORD
+    }
 
 
 def same(given: Any, default: Any) -> bool:

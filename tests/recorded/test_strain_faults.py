@@ -62,7 +62,7 @@ def test_rows_that_the_recorder_holds_have_no_result(
     assert faults_in(tmp_path / "o.csv") == [HELD if one else "" for one in is_held]
     np.testing.assert_array_equal(found["health.state [1]"] == INVALID, is_held)
     np.testing.assert_array_equal(np.isnan(found["C_N [1]"]), is_held)
-    assert summary.missing_strains == {"G1": 60}  # what is held is not missing
+    assert summary.faults.missing == {"G1": 60}  # what is held is not missing
 
 
 def test_held_rows_are_estimated_on_demand(synthetic: SyntheticFiles, tmp_path: Path, run: Run) -> None:
@@ -229,7 +229,7 @@ def test_excluded_channels_by_their_names_in_a_recorder(synthetic: SyntheticFile
     )
     assert f"{data}: left out by --exclude: G3" in summary.notes
     assert summary.health == {"DEGRADED": 20}
-    assert summary.missing_strains == {}
+    assert summary.faults.missing == {}
 
 
 @pytest.mark.parametrize(

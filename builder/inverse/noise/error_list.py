@@ -47,7 +47,7 @@ OF_EACH_AFTER_TEST, IN_COMMON_AFTER_TEST = "ground test, of each gauge", "ground
 """Names of what a ground test left unknown."""
 
 GAUGE_NOISE, INSTALLATION, MODEL_FORM, INERTIA_GROUP = "gauge noise", "installation", "model form", "inertia"
-TEMPERATURE_GROUP, NUMERICS_GROUP, OTHER_GROUP = "temperature", "numerics", "other"
+TEMPERATURE_GROUP, NUMERICS_GROUP, OTHER_GROUP = TEMPERATURE, "numerics", "other"
 """Groups of errors in reports."""
 
 _GAUGE, _ALL, _PRESSURE, _NUMERICS = "each gauge", "all gauges", "pressure on the surface", "numerics of the build"

@@ -16,8 +16,8 @@ from builder.aero.surface.mesh import mesh_of_grid
 from builder.figures.scene.picture_files import write_picture
 from builder.figures.scene.scene import (
     BOX_SIDES,
+    OBLIQUE_VIEWS,
     STATE_COLOURS,
-    VIEWS,
     Scene,
     scene_of,
     scene_of_snapshot,
@@ -158,7 +158,7 @@ def test_a_still_shows_the_near_side_alone() -> None:
     """From port above and from starboard below: every gauge once, none through the body; as many colours."""
     figure = solid_view(scene(("A0",)))
     seen = []
-    for axis, (_, view) in zip(figure.axes, VIEWS, strict=False):
+    for axis, (_, view) in zip(figure.axes, OBLIQUE_VIEWS, strict=False):
         bars = axis.collections[1].get_facecolors()[:, :3]
         seen.append(len(bars))
         assert {tuple(np.round(one / one.max(), 1)) for one in bars if one.max() > 0.0} <= {
@@ -180,7 +180,7 @@ def test_other_formats_are_refused(tmp_path: Path) -> None:
 def test_the_inside_of_an_open_end_is_grey() -> None:
     """The pressure acts outside: what is seen of the wall's inner face has no colour of the scale."""
     figure = solid_view(scene())
-    for axis in figure.axes[: len(VIEWS)]:
+    for axis in figure.axes[: len(OBLIQUE_VIEWS)]:
         paint = axis.collections[0].get_facecolors()[:, :3]
         is_grey = np.ptp(paint, axis=1) < 1e-12
         assert 0.0 < is_grey.mean() < 0.6
