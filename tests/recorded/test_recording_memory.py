@@ -14,7 +14,7 @@ from synthetic_vehicle import SyntheticFiles
 
 CHUNK = 4096
 LENGTHS = {
-    "seconds": (20 * CHUNK, 50 * CHUNK, 40.0),
+    "seconds": (40 * CHUNK, 160 * CHUNK, 20.0),
     "hours": (250 * CHUNK, 2500 * CHUNK, 4.0),
 }
 """Samples of a short and a long recording, and the largest growth of memory [bytes a sample]: a row of the output
