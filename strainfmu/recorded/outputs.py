@@ -216,13 +216,14 @@ def _csv(temporary: Path, columns: Sequence[Column], texts: Sequence[str], attri
 def _parquet(
     temporary: Path, columns: Sequence[Column], texts: Sequence[str], attributes: Mapping[str, Any]
 ) -> Parts:
-    """Units are the metadata ``unit`` of each column."""
+    """Units are the metadata ``unit`` of each column. A dictionary of numbers that hardly repeat takes a third of
+    the time of an estimate, and room."""
     parquet, arrow = (library(name, "pyarrow", "parquet") for name in ("pyarrow.parquet", "pyarrow"))
     fields = [arrow.field(name, arrow.float64(), metadata={"unit": unit}) for name, unit in columns]
     fields += [arrow.field(name, arrow.string()) for name in texts]
     schema = arrow.schema(fields, metadata={name: str(value) for name, value in attributes.items()})
     with temporary.open("wb") as stream:
-        writer = parquet.ParquetWriter(stream, schema)
+        writer = parquet.ParquetWriter(stream, schema, use_dictionary=list(texts))
         while (table := (yield)) is not None:
             writer.write_table(arrow.table(table, schema=schema))
         writer.close()
