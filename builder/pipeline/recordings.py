@@ -86,6 +86,10 @@ def estimate_recordings(
     Parts change no bit of the loads, except with a filter, whose windows begin two time constants ahead of a
     part, and where a nonlinear estimator without strains holds its loads for longer.
 
+    On the command line::
+
+        strainfmu estimate map.h5 flights/ -o loads.parquet --workers 2
+
     Parameters
     ----------
     source : inverse map.
@@ -221,12 +225,14 @@ def _is_done(task: Task) -> bool:
 
 
 def _finish(work: Path, output: Path) -> None:
-    """Give a complete data set its name, in the place of an earlier one."""
+    """Give a complete data set its name; an earlier one is removed when the new one is in its place."""
+    earlier = output.with_name(f"{output.name}.earlier")
     try:
         shutil.rmtree(work / _COUNTS)
         if output.exists():
-            shutil.rmtree(output)
+            os.rename(output, earlier)
         os.rename(work, output)
+        shutil.rmtree(earlier, ignore_errors=True)
     except OSError as error:
         raise StrainfmuError(f"{output}: could not be written: {error.strerror or error}") from error
 

@@ -34,7 +34,7 @@ from strainfmu.estimator.map.inverse_map import InverseMap
 
 @pytest.fixture(scope="session")
 def full_map(vehicle: Vehicle, snapshots: Snapshots, structure: StructuralModel) -> InverseMap:
-    """The map with tables, levels those of the theory; it identifies nothing of one row."""
+    """The map with tables and nominal alarm levels."""
     return with_manifold(build_inverse_map(vehicle, snapshots, structure), vehicle, snapshots, structure)
 
 

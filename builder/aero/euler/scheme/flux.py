@@ -103,8 +103,8 @@ def add_wall_fluxes(
 ) -> bool:
     """Add to change (4, n_phi, n_r) the wall's pressure, left in pressure_at_wall (n_phi,).
 
-    Turned parallel to the wall, the flow of a cell has the pressure that its waves towards the wall bring there.
-    Those of the first three cells are extrapolated to the wall: behind a corner they are equal, whatever the
+    The flow of a cell is turned parallel to the wall; its waves towards the wall set the pressure.
+    Pressures of the first three cells are extrapolated to the wall: behind a corner they are equal, whatever the
     fan looks like on the grid. False if a wall shock detaches.
     """
     for j in range(pressure_at_wall.size):
