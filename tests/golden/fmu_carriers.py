@@ -128,14 +128,22 @@ class Fmi2Host:
         """Set all parameters, also between two steps."""
         assert self.fmu.set_reals(self._parameters, parameters) == OK, self.fmu.messages
 
-    def step(self, numbers: np.ndarray, valid: np.ndarray, time: float, size: float) -> np.ndarray:
-        """Return all outputs after a step of ``size`` from ``time`` [s] with the values of all inputs."""
-        fmu, found = self.fmu, np.empty(len(self.places.outputs))
+    def give(self, numbers: np.ndarray, valid: np.ndarray) -> None:
+        """Set all inputs."""
+        fmu = self.fmu
         reals, whole = np.split(numbers, [len(numbers) - len(self._whole)])
         assert fmu.set_reals(self._reals, reals) == OK, fmu.messages
         assert fmu.set_integers(self._whole, whole.astype(int).tolist()) == OK, fmu.messages
         fmu.set_valid(valid)
-        assert fmu.step(time, size) == OK, fmu.messages
+
+    def step(self, time: float, size: float) -> np.ndarray:
+        """Return all outputs after a step of ``size`` from ``time`` [s]."""
+        assert self.fmu.step(time, size) == OK, self.fmu.messages
+        return self.outputs()
+
+    def outputs(self) -> np.ndarray:
+        """Return all outputs."""
+        fmu, found = self.fmu, np.empty(len(self.places.outputs))
         for kind, (references, places) in self._outputs.items():
             if references:
                 found[places] = {"Real": fmu.get_reals, "Boolean": self._flags}.get(kind, fmu.get_integers)(
@@ -185,16 +193,24 @@ class Fmi3Host:
         """As :meth:`Fmi2Host.set_parameters`."""
         assert self.fmu.set("Float64", c_double, self._parameters, parameters) == OK, self.fmu.messages
 
-    def step(self, numbers: np.ndarray, valid: np.ndarray, time: float, size: float) -> np.ndarray:
-        """As :meth:`Fmi2Host.step`."""
-        fmu, found = self.fmu, np.empty(len(self.places.outputs))
+    def give(self, numbers: np.ndarray, valid: np.ndarray) -> None:
+        """As :meth:`Fmi2Host.give`."""
+        fmu = self.fmu
         reals, whole = np.split(numbers, [len(numbers) - len(self._whole)])
         assert fmu.set("Float64", c_double, self._reals, reals) == OK, fmu.messages
         assert fmu.set("Int64", c_int64, self._whole, whole.astype(int)) == OK, fmu.messages
         assert fmu.set("Boolean", c_bool, self._valid, valid.tolist()) == OK, fmu.messages
+
+    def step(self, time: float, size: float) -> np.ndarray:
+        """As :meth:`Fmi2Host.step`."""
         flags, reached = [c_bool() for _ in range(3)], c_double()
-        pointers = [*map(byref, flags), byref(reached)]
-        assert fmu.call("DoStep", c_double(time), c_double(size), c_bool(True), *pointers) == OK, fmu.messages
+        arguments = c_double(time), c_double(size), c_bool(True), *map(byref, flags), byref(reached)
+        assert self.fmu.call("DoStep", *arguments) == OK, self.fmu.messages
+        return self.outputs()
+
+    def outputs(self) -> np.ndarray:
+        """As :meth:`Fmi2Host.outputs`."""
+        fmu, found = self.fmu, np.empty(len(self.places.outputs))
         for name, c_type, references, places in self._outputs:
             if references:
                 status, found[places] = fmu.get(name, c_type, references, len(places))
@@ -222,9 +238,11 @@ def by_fmu(
 
     ``changes`` are other time constants of the filter from a sample on [s].
     """
-    parameters = _parameters(host.places, inverse_map, inputs, seconds if mode == "filter" else 0.0)
-    changed = {k: _parameters(host.places, inverse_map, inputs, one) for k, one in (changes or {}).items()}
-    reals = _inputs(host.places, inverse_map, inputs)
+    parameters = values_of_parameters(host.places, inverse_map, inputs, seconds if mode == "filter" else 0.0)
+    changed = {
+        k: values_of_parameters(host.places, inverse_map, inputs, one) for k, one in (changes or {}).items()
+    }
+    reals = values_of_inputs(host.places, inverse_map, inputs)
     sizes = np.append(np.diff(inputs.time), LAST_STEP)
     begins_again = mode == "each" and inverse_map.manifold is not None
     host.restart(parameters)
@@ -235,7 +253,8 @@ def by_fmu(
         if k in changed:
             host.set_parameters(changed[k])
         time = 0.0 if begins_again else float(inputs.time[k])
-        rows.append(host.step(reals[k], valid, time, float(sizes[k])))
+        host.give(reals[k], valid)
+        rows.append(host.step(time, float(sizes[k])))
     return fields_of(host.places, dict(zip(host.places.outputs, np.array(rows).T, strict=True)))
 
 
@@ -251,7 +270,7 @@ def fields_of(places: Places, outputs: Mapping[str, np.ndarray]) -> Results:
     return in_part(found)
 
 
-def _parameters(places: Places, inverse_map: InverseMap, inputs: Inputs, seconds: float) -> np.ndarray:
+def values_of_parameters(places: Places, inverse_map: InverseMap, inputs: Inputs, seconds: float) -> np.ndarray:
     """Return the values of all parameters."""
     zeros = zero_names(inverse_map.n_strain_gauges)
     offsets = inputs.zero if inputs.zero.size else np.zeros(len(zeros))
@@ -260,7 +279,7 @@ def _parameters(places: Places, inverse_map: InverseMap, inputs: Inputs, seconds
     return np.array([value[name] for name in places.parameters])
 
 
-def _inputs(places: Places, inverse_map: InverseMap, inputs: Inputs) -> np.ndarray:
+def values_of_inputs(places: Places, inverse_map: InverseMap, inputs: Inputs) -> np.ndarray:
     """Return (k, n) the values of all real inputs, NaN where the stream gives none, then of enumerations."""
     column, unknown = columns(inverse_map, inputs), np.full(len(inputs), np.nan)
     real, whole = (

@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 import zlib
-from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from agreement import assert_same, tracked
 from flight_fmu import (
     FILTER,
-    N_D,
     FlightFmu,
-    FlightSample,
     random_flight,
 )
 from raw_fmu import ERROR, OK
@@ -24,16 +20,6 @@ from strainfmu.estimator.map.inverse_map import InverseMap
 
 pytestmark = pytest.mark.fast
 STEP = 0.01
-
-
-def poor_flight(inverse_map: InverseMap, steps: int, seed: int) -> list[FlightSample]:
-    """Gauges, whole samples and quantities of navigation get lost."""
-    random, samples = np.random.default_rng(seed), []
-    for k, one in enumerate(random_flight(inverse_map, steps, seed)):
-        valid = random.random(N_D) > 0.1 * (k % 7)
-        flow = {name: value for name, value in one.flow.items() if random.random() > 0.4}
-        samples.append(replace(one, valid=valid & (k % 13 < 11), flow=flow))
-    return samples
 
 
 def test_outputs_follow_what_is_set_without_a_step(fmu: FlightFmu, inverse_map: InverseMap) -> None:
@@ -48,29 +34,6 @@ def test_outputs_follow_what_is_set_without_a_step(fmu: FlightFmu, inverse_map: 
         assert fmu.step(k * 0.02, 0.02) == OK
         assert fmu.all_outputs().tobytes() == before.tobytes()
         assert_same(before, tracked(estimator, sample, k * 0.02))
-
-
-def test_state_holds_the_samples(fmu: FlightFmu, inverse_map: InverseMap, resources: Path) -> None:
-    samples = poor_flight(inverse_map, 24, seed=19)
-    assert fmu.filter(1.0) == OK
-    for k, sample in enumerate(samples[:14]):
-        fmu.advance_over(sample, k * STEP, STEP)
-    at, state = fmu.all_outputs(), fmu.get_state()
-    content = fmu.serialise(state)
-    later = [(sample, 0.14 + k * STEP, STEP) for k, sample in enumerate(samples[14:])]
-    after = [fmu.advance_over(*one).tobytes() for one in later]
-    assert fmu.call("SetFMUstate", state) == OK
-    assert fmu.all_outputs().tobytes() == at.tobytes()
-    assert [fmu.advance_over(*one).tobytes() for one in later] == after
-    other = FlightFmu(resources.as_uri(), N_D)
-    status, moved = other.deserialise(content)
-    assert status == OK
-    assert other.call("SetFMUstate", moved) == OK
-    assert [other.advance_over(*one).tobytes() for one in later] == after
-    other.free()
-    assert fmu.call("Reset") == OK
-    fmu.start()
-    assert [fmu.advance_over(*one).tobytes() for one in later] != after
 
 
 def test_a_state_with_a_track_that_cannot_be(fmu: FlightFmu, inverse_map: InverseMap) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import zlib
-from ctypes import byref
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,18 +10,16 @@ import numpy as np
 import pytest
 from agreement import assert_same, tracked
 from flight_fmu import (
-    FIRST,
     N_D,
     FlightFmu,
     random_flight,
 )
-from raw_fmu import ERROR, N_OUTPUTS, OK
+from raw_fmu import ERROR, OK
 
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.resource.compact_tables import channel_tables
-from strainfmu.estimator.settings import default_settings
 from strainfmu.interface.estimator_variables import output_values
 
 pytestmark = pytest.mark.fast
@@ -94,57 +91,6 @@ def test_outputs_follow_what_is_set_without_a_step(fmu: FlightFmu, inverse_map: 
         assert fmu.step() == OK
         assert fmu.all_outputs().tobytes() == before.tobytes()
         assert_same(before, tracked(estimator, sample))
-
-
-def test_a_step_with_the_same_inputs_goes_on(fmu: FlightFmu, inverse_map: InverseMap) -> None:
-    sample, estimator = random_flight(inverse_map, 1, seed=18)[0], Estimator(inverse_map)
-    fmu.give(sample)
-    for _ in range(3):
-        assert fmu.step() == OK
-        assert_same(fmu.all_outputs(), tracked(estimator, sample))
-
-
-def test_state_holds_the_track(fmu: FlightFmu, inverse_map: InverseMap, resources: Path) -> None:
-    samples = random_flight(inverse_map, 8, seed=19)
-    for sample in samples[:4]:
-        fmu.advance(sample)
-    at, state = fmu.all_outputs(), fmu.get_state()
-    content = fmu.serialise(state)
-    after = [fmu.advance(sample).tobytes() for sample in samples[4:]]
-    assert fmu.call("SetFMUstate", state) == OK
-    assert fmu.all_outputs().tobytes() == at.tobytes()
-    assert [fmu.advance(sample).tobytes() for sample in samples[4:]] == after
-    other = FlightFmu(resources.as_uri(), N_D)
-    status, moved = other.deserialise(content)
-    assert status == OK
-    assert other.call("SetFMUstate", moved) == OK
-    assert [other.advance(sample).tobytes() for sample in samples[4:]] == after
-    assert fmu.call("FreeFMUstate", byref(state)) == OK
-    other.free()
-
-
-def test_reset_forgets_the_track(fmu: FlightFmu, inverse_map: InverseMap) -> None:
-    samples = random_flight(inverse_map, 3, seed=20)
-    first = [fmu.advance(sample).tobytes() for sample in samples]
-    assert fmu.call("Reset") == OK
-    fmu.start()
-    assert [fmu.advance(sample).tobytes() for sample in samples] == first
-
-
-def test_settings(fmu: FlightFmu, inverse_map: InverseMap) -> None:
-    sample = random_flight(inverse_map, 1, seed=21)[0]
-    before = fmu.advance(sample)
-    settings = default_settings(inverse_map)
-    area, length = 2.0 * settings.reference_area, 0.5 * settings.reference_length
-    assert fmu.set_scalars(5, 2.0, area, length, settings.moment_station + 0.5) == OK
-    after = fmu.advance(sample)
-    assert after[22] == pytest.approx(2.0 * before[22])
-    assert after[0] == pytest.approx(0.5 * before[0], rel=1e-3)
-    assert after[13] == pytest.approx(before[13] + 0.5 * before[11], rel=1e-3)
-
-
-def test_start_values(fmu: FlightFmu) -> None:
-    assert fmu.get_reals([N_OUTPUTS + 2 * N_D, *range(FIRST, FIRST + 3)]).tolist() == [0.0] * 4
 
 
 def test_refuses_model_exchange(resources: Path) -> None:

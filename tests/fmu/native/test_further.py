@@ -2,24 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from agreement import estimated, random_samples
 from native_case import NativeCase
 from other_load_maps import STATIONS, with_own_further
 from raw_fmu import N_OUTPUTS, OK, Fmu2, first_zero, write_resource
 from scaled_maps import whole_scaled_map
 from thermal_maps import REFERENCE, with_temperature
 
-from strainfmu.estimator.estimator import Estimator
-from strainfmu.estimator.gauge_zeros import GaugeZeros, no_zeros
-from strainfmu.interface.other_load_variables import other_load_values
-
 pytestmark = pytest.mark.fast
-
-N_OUT = 4 + 12 * len(STATIONS)
 
 
 @pytest.fixture(scope="module", params=["case 1", "case 2"])
@@ -32,38 +23,6 @@ def six(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
 def first_further(n: int) -> int:
     """Behind zeros, three temperatures and the time constant of the filter."""
     return first_zero(n) + 2 * n + 1 + 3 + 1
-
-
-def test_as_in_python_while_gauges_zeros_and_temperatures_change(six: NativeCase) -> None:
-    random, fmu, estimator, n = (
-        np.random.default_rng(1),
-        Fmu2(six.uri, six.n).start(),
-        Estimator(six.inverse_map),
-        six.n,
-    )
-    zeros, noise, used = no_zeros(n), float(np.sqrt(six.inverse_map.gauge_covariance[0, 0])), 0
-    references = range(first_further(n), first_further(n) + N_OUT)
-    for k, sample in enumerate(random_samples(six.inverse_map, 24, seed=5)):
-        if k % 10 == 5:
-            zeros = GaugeZeros(
-                value=1e-4 * random.normal(size=n), std=noise * random.uniform(0.0, 2.0, n), common_std=noise
-            )
-            estimator = estimator.with_zeros(zeros)
-            values = [*zeros.value, *zeros.std, zeros.common_std]
-            assert fmu.set_reals(range(first_zero(n), first_zero(n) + 2 * n + 1), values) == OK
-        temperature = REFERENCE + 20.0 * random.normal(size=3)
-        if k < 8:
-            temperature[:] = np.nan
-        assert fmu.set_reals(range(first_zero(n) + 2 * n + 1, first_further(n) - 1), temperature) == OK
-        reading = sample.strain + zeros.value
-        fmu.set_strain(reading)
-        fmu.set_valid(sample.valid)
-        assert fmu.set_scalars(0, *sample.flow) == OK
-        read = replace(sample, strain=reading)
-        expected = estimated(estimator, read, temperature=None if k < 8 else temperature)
-        np.testing.assert_array_equal(fmu.get_reals(references), other_load_values(expected))
-        used += np.isfinite(expected.other_loads[0])
-    assert used > 10
 
 
 @pytest.mark.parametrize("deviation", [0.0, 4e3])

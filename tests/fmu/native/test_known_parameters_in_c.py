@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from ctypes import c_double
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -11,16 +10,14 @@ import numpy as np
 import pytest
 from damaged_resource import refusal
 from deflected_shape import NAME, deflected, known_map
-from raw_fmu import OK, Fmu2, Fmu3, write_resource
+from raw_fmu import OK, Fmu2, write_resource
 from shape_case import flown, grid_conditions, shape_structure
-from thermal_maps import REFERENCE, with_temperature
 
 from strainfmu.estimator.air_inputs import AIR_DATA_NAMES
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.signal_names import FILTER_TIME_CONSTANT
-from strainfmu.interface.estimator_variables import estimator_arrays, estimator_interface, output_values
+from strainfmu.interface.estimator_variables import estimator_interface, output_values
 from strainfmu.interface.fmi_variables import value_references
 from strainfmu.interface.input_names import NOT_KNOWN
 
@@ -69,11 +66,6 @@ def flights() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     return strain, pressure, mach, deflection
 
 
-def warm_map() -> InverseMap:
-    """The map with temperature modes and two sensors."""
-    return with_temperature(known_map(), k=3, n_t=2, mode_strain=1e-9 * np.ones((known_map().n_gauges, 3)))
-
-
 class Pair:
     """An instance and the estimator in Python, fed alike."""
 
@@ -101,22 +93,18 @@ class Pair:
     def get(self, *names: str) -> np.ndarray:
         return self.fmu.get_reals([self.reference[name] for name in names])
 
-    def step(
-        self, flight: int, known: Known, temperature: np.ndarray | None = None, time: float = 0.0
-    ) -> Estimate:
+    def step(self, flight: int, known: Known) -> Estimate:
         """Both take a step; all outputs are the same."""
         self.give(flight, known)
-        assert self.fmu.step(time) == OK
+        assert self.fmu.step() == OK
         strain, pressure, mach, _ = flights()
         value, std = (np.nan if one == NOT_KNOWN else one for one in known)
         found = self.estimator.track(
             strain[flight],
             pressure[flight],
-            time=time,
             mach_number=mach[flight],
             parameters={NAME: value},
             parameters_std={NAME: std if std > 0.0 else np.nan},
-            temperature=temperature,
         )
         expected = dict(zip(self.names, output_values(found, with_other_loads=True), strict=True))
         assert self.fmu.get_integers([self.reference["health.state"]])[0] == expected["health.state"]
@@ -157,24 +145,6 @@ def test_what_is_not_stated_changes_no_bit(pair: Pair, tmp_path: Path) -> None:
         assert bits[0] == bits[1] == bits[2]
 
 
-def test_state_and_reset(pair: Pair) -> None:
-    pair.step(0, (flights()[3][0], 0.1))
-    held, state = pair.get(*REALS), pair.fmu.get_state()
-    content = pair.fmu.serialise(state)
-    pair.give(1, (3.0, 0.5))
-    assert pair.fmu.step() == OK
-    assert pair.get(*REALS).tobytes() != held.tobytes()
-    assert pair.fmu.call("SetFMUstate", state) == OK
-    assert pair.get(*REALS).tobytes() == held.tobytes()
-    assert pair.fmu.call("Reset") == OK
-    pair.fmu.start()
-    assert pair.get(STD, VALUE).tolist() == [0.0, NOT_KNOWN]
-    status, moved = pair.fmu.deserialise(content)
-    assert status == OK
-    assert pair.fmu.call("SetFMUstate", moved) == OK
-    assert pair.get(*REALS).tobytes() == held.tobytes()
-
-
 def test_derivatives_by_strain_and_by_what_is_stated(pair: Pair) -> None:
     """Differences of the outputs, each once its steps have ended, with the tables about what is stated."""
     strain, _, _, deflection = flights()
@@ -201,45 +171,6 @@ def ended(pair: Pair) -> Pair:
     for _ in range(40):
         assert pair.fmu.step() == OK
     return pair
-
-
-@pytest.mark.parametrize("with_temperatures", [False, True])
-def test_the_filter_goes_on_where_a_deviation_is_stated_or_lost(tmp_path: Path, with_temperatures: bool) -> None:
-    """It knows no less than the sample by itself."""
-    pair = Pair(warm_map() if with_temperatures else known_map(), tmp_path)
-    deflection, alone = flights()[3], pair.estimator
-    pair.estimator = pair.estimator.filter(0.5)
-    pair.set_all({FILTER_TIME_CONSTANT: 0.5})
-    readings = [REFERENCE + 4.0, REFERENCE - 1.0] if with_temperatures else []
-    pair.set_all({f"temperature[{i + 1}]": one for i, one in enumerate(readings)})
-    temperature = np.array(readings) if with_temperatures else None
-    for k, std in enumerate((np.nan, np.nan, 0.1, 0.1, np.nan, np.nan)):
-        found = pair.step(0, (deflection[0], std), temperature, 0.01 * k)
-        stated = {"parameters_std": {NAME: std}}
-        strain, q, mach = (one[0] for one in flights()[:3])
-        known = {"temperature": temperature, "parameters": {NAME: deflection[0]}, **stated}
-        static = alone.track(strain, q, mach_number=mach, **known)
-        assert np.all(found.loads_std <= static.loads_std * (1.0 + 1e-6))
-
-
-def test_scalars_of_fmi_3(pair: Pair, tmp_path: Path) -> None:
-    arrays = estimator_arrays(estimator_interface(known_map()))
-    reference = {one.name: k for k, one in enumerate(arrays)}
-    fmu = Fmu3(str(write_resource(known_map(), tmp_path / "three")), known_map().n_gauges).start()
-    strain, pressure, mach, deflection = flights()
-    given = {
-        "dynamic_pressure": pressure[0],
-        "mach_number": mach[0],
-        VALUE: deflection[0],
-        STD: 0.1,
-    }
-    assert fmu.set("Float64", c_double, [reference["strain"]], strain[0]) == OK
-    assert fmu.set("Float64", c_double, [reference[name] for name in given], [*given.values()]) == OK
-    status, found = fmu.get("Float64", c_double, [reference[name] for name in ("M_R", "sigma.M_R", STD)], 3)
-    assert status == OK
-    pair.give(0, (deflection[0], 0.1))
-    assert found.tolist() == [*pair.get("M_R", "sigma.M_R"), 0.1]
-    assert fmu.get("Float64", c_double, [len(arrays)], 1)[0] == OK  # the time
 
 
 def test_tables_of_other_parameters_are_refused(tmp_path: Path) -> None:

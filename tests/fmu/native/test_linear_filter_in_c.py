@@ -78,29 +78,6 @@ def steady_flight(inverse_map: InverseMap, steps: int, seed: int) -> list[Linear
     return [replace(one, strain=one.strain + own) for own in noise]
 
 
-def test_state_holds_the_samples(fmu: LinearFmu, inverse_map: InverseMap, location: str) -> None:
-    samples = steady_flight(inverse_map, 24, seed=19)
-    assert fmu.filter(1.0) == OK
-    for k, sample in enumerate(samples[:14]):
-        fmu.advance(sample, k * STEP, STEP)
-    at, state = fmu.outputs(), fmu.get_state()
-    content = fmu.serialise(state)
-    later = [(sample, 0.14 + k * STEP, STEP) for k, sample in enumerate(samples[14:])]
-    after = [fmu.advance(*one).tobytes() for one in later]
-    assert fmu.call("SetFMUstate", state) == OK
-    assert fmu.outputs().tobytes() == at.tobytes()
-    assert [fmu.advance(*one).tobytes() for one in later] == after
-    other = LinearFmu(location, N)
-    status, moved = other.deserialise(content)
-    assert status == OK
-    assert other.call("SetFMUstate", moved) == OK
-    assert [other.advance(*one).tobytes() for one in later] == after
-    other.free()
-    assert fmu.call("Reset") == OK
-    fmu.start()
-    assert [fmu.advance(*one).tobytes() for one in later] != after
-
-
 def test_a_state_with_samples_that_cannot_be(fmu: LinearFmu, inverse_map: InverseMap) -> None:
     assert fmu.filter(1.0) == OK
     fmu.advance(linear_flight(inverse_map, 1, seed=22)[0], 0.0, STEP)

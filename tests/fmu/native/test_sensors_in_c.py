@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from ctypes import byref, c_bool, c_double, c_int, c_size_t
+from ctypes import c_int, c_size_t
 
 import numpy as np
 import pytest
 from agreement import Sample, assert_same, estimated
 from native_case import NativeCase
 from random_map import map_of, random_model
-from raw_fmu import N_OUTPUTS, OK, VALUES, Fmu2, Fmu3, first_zero, of_filter, write_resource
+from raw_fmu import N_OUTPUTS, OK, VALUES, Fmu2, first_zero, of_filter, write_resource
 from scaled_maps import NOMINAL, whole_scaled_map
 from sensor_maps import ROWS, with_sensors
 from thermal_maps import with_temperature
@@ -147,52 +147,3 @@ def test_a_tare_of_the_gauges(case: NativeCase) -> None:
     found = fmu.get_reals(range(flag + 2, flag + 2 + 2 * n + 1))
     np.testing.assert_allclose(found[:n], zeros.value, rtol=1e-9, atol=1e-15)
     np.testing.assert_allclose(found[n:], [*zeros.std, zeros.common_std], rtol=1e-9, atol=1e-15)
-
-
-def test_state_and_reset(case: NativeCase) -> None:
-    fmu = Fmu2(case.uri, case.n).start()
-    place, q = thrust_reference(case), case.inverse_map.nominal_dynamic_pressure
-    assert fmu.get_reals([place]).tolist() == [0.0]
-    assert fmu.set_scalars(0, q) == OK
-    fmu.set_strain(readings(case, case.inverse_map.mean_strain, 80.0))
-    assert fmu.set_reals([place], [80.0]) == OK
-    state, held = fmu.get_state(), fmu.outputs()
-    content = fmu.serialise(state)
-    assert fmu.call("Reset") == OK
-    fmu.start()
-    assert fmu.get_reals([place]).tolist() == [0.0]
-    status, again = fmu.deserialise(content)
-    assert status == OK
-    assert fmu.call("SetFMUstate", again) == OK
-    assert fmu.outputs().tobytes() == held.tobytes()
-    for one in (state, again):
-        assert fmu.call("FreeFMUstate", byref(one)) == OK
-
-
-def test_fmi_3_has_each_sensor_as_a_scalar(case: NativeCase) -> None:
-    """Strains are one array, each sensor is a scalar behind it: equal bits with FMI 2.0."""
-    n, held = case.inverse_map.n_strain_gauges, case.inverse_map
-    two, three = Fmu2(case.uri, case.n).start(), Fmu3(str(case.resources), case.n).start()
-    random, later = np.random.default_rng(4), Fmu3.STRAIN + N_S
-    thrust = Fmu3.ZERO + N_S + 3 + int(held.has_temperature)
-    for lost in (None, *range(n - 1, case.n)):
-        strain = readings(case, held.mean_strain + held.noise_std * random.normal(size=case.n), 70.0)
-        valid = np.arange(case.n) != lost
-        two.set_strain(strain)
-        two.set_valid(valid)
-        assert two.set_scalars(0, 1.1 * held.nominal_dynamic_pressure) == OK
-        assert two.set_reals([thrust_reference(case)], [70.0]) == OK
-        inputs = [*range(Fmu3.STRAIN, later + 1), later + 2, thrust]
-        values = [*strain, 1.1 * held.nominal_dynamic_pressure, 70.0]
-        assert three.set("Float64", c_double, inputs, values) == OK
-        assert three.set("Boolean", c_bool, [later + 1], valid.tolist()) == OK
-        assert three.outputs().tobytes() == two.outputs().tobytes()
-        status, back = three.get("Float64", c_double, inputs, len(values))
-        assert status == OK
-        assert back.tolist() == values
-    more = of_filter(held) + int(held.has_temperature)
-    status, time = three.get("Float64", c_double, [Fmu3.TIME + N_S + 1 + more], 1)
-    assert (status, time.tolist()) == (OK, [0.0])
-    status, change = three.differentiate("Directional", [0], [Fmu3.STRAIN + 1], [1.0], 5)
-    assert status == OK
-    np.testing.assert_array_equal(change, two.derivative(range(5), [N_OUTPUTS + n], [1.0]))

@@ -2,19 +2,13 @@
 
 from __future__ import annotations
 
-from ctypes import byref, c_double
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from agreement import assert_same, estimated, random_samples
 from native_case import NativeCase
-from raw_fmu import OK, VALUES, Fmu2, Fmu3, first_zero, write_resource
+from raw_fmu import OK, VALUES, Fmu2, first_zero, write_resource
 from scaled_maps import whole_scaled_map
 from thermal_maps import REFERENCE, with_temperature
 
-from strainfmu.estimator.estimator import Estimator
-from strainfmu.estimator.gauge_zeros import GaugeZeros, no_zeros
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.map.sensors import ThermalMap
 
@@ -56,75 +50,6 @@ def drawn_temperature(thermal: ThermalMap, k: int, random: np.random.Generator) 
     if k % 17 == 3:
         temperature[:] = 0.0
     return temperature
-
-
-def give_temperature(fmu: Fmu2, temperature: np.ndarray, n: int) -> None:
-    first = first_temperature(n)
-    assert fmu.set_reals(range(first, first + N_T), temperature) == OK
-
-
-def test_as_in_python_while_sensors_and_zeros_change(hot: NativeCase) -> None:
-    random, fmu, estimator = np.random.default_rng(1), Fmu2(hot.uri, hot.n).start(), Estimator(hot.inverse_map)
-    plain = Fmu2(hot.uri, hot.n).start()
-    thermal = hot.inverse_map.thermal
-    zeros, noise = no_zeros(hot.n), float(np.sqrt(np.median(np.diag(thermal.isothermal_covariance))))
-    for k, sample in enumerate(random_samples(hot.inverse_map, 30, seed=5)):
-        if k % 20 == 10:
-            zeros = GaugeZeros(
-                value=1e-4 * random.normal(size=hot.n),
-                std=noise * random.uniform(0.0, 2.0, hot.n),
-                common_std=noise,
-            )
-            values = [*zeros.value, *zeros.std, zeros.common_std]
-            assert fmu.set_reals(range(first_zero(hot.n), first_temperature(hot.n)), values) == OK
-            estimator = estimator.with_zeros(zeros)
-        temperature = drawn_temperature(thermal, k, random)
-        moved = replace(sample, strain=sample.strain + zeros.value)
-        give_temperature(fmu, temperature, hot.n)
-        fmu.set_strain(moved.strain)
-        fmu.set_valid(moved.valid)
-        assert fmu.set_scalars(0, *moved.flow) == OK
-        assert_same(fmu.outputs(), estimated(estimator, moved, temperature=temperature))
-    give_temperature(fmu, np.zeros(N_T), hot.n)
-    assert fmu.set_reals(range(first_zero(hot.n), first_temperature(hot.n)), np.zeros(2 * hot.n + 1)) == OK
-    for one in (fmu, plain):
-        one.set_strain(sample.strain)
-        one.set_valid(sample.valid)
-        assert one.set_scalars(0, *sample.flow) == OK
-    assert fmu.outputs().tobytes() == plain.outputs().tobytes()
-
-
-def test_array_of_fmi_3(hot: NativeCase) -> None:
-    thermal, n = hot.inverse_map.thermal, hot.n
-    temperature = drawn_temperature(thermal, 0, np.random.default_rng(4))
-    two, three = Fmu2(hot.uri, n).start(), Fmu3(str(hot.resources), n).start()
-    give_temperature(two, temperature, n)
-    assert three.set("Float64", c_double, [Fmu3.TARE], temperature) == OK
-    assert three.get("Float64", c_double, [Fmu3.TARE], N_T)[1].tolist() == temperature.tolist()
-    assert three.get("Float64", c_double, [Fmu3.TIME + 2], 1)[0] == OK  # the time, behind the filter
-    strain = hot.inverse_map.mean_strain
-    two.set_strain(strain)
-    assert three.set("Float64", c_double, [Fmu3.STRAIN], strain) == OK
-    assert two.outputs().tobytes() == three.outputs().tobytes()
-
-
-def test_state_brings_temperatures_back(hot: NativeCase) -> None:
-    random, thermal = np.random.default_rng(6), hot.inverse_map.thermal
-    fmu = Fmu2(hot.uri, hot.n).start()
-    cold = fmu.get_reals(range(first_temperature(hot.n), first_temperature(hot.n) + N_T))
-    assert cold.tolist() == [0.0] * N_T
-    fmu.set_strain(hot.inverse_map.mean_strain)
-    give_temperature(fmu, drawn_temperature(thermal, 1, random), hot.n)
-    expected = fmu.outputs()
-    status, state = fmu.deserialise(fmu.serialise(fmu.get_state()))
-    assert status == OK
-    give_temperature(fmu, drawn_temperature(thermal, 0, random), hot.n)
-    assert fmu.outputs().tobytes() != expected.tobytes()
-    assert fmu.call("SetFMUstate", state) == OK
-    assert fmu.outputs().tobytes() == expected.tobytes()
-    assert fmu.call("Reset") == OK
-    assert fmu.get_reals(range(first_temperature(hot.n), first_temperature(hot.n) + N_T)).tolist() == [0.0] * N_T
-    fmu.call("FreeFMUstate", byref(state))
 
 
 def test_derivatives_are_those_of_differences(hot: NativeCase) -> None:

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from ctypes import byref, c_double
-from pathlib import Path
-
 import numpy as np
 import pytest
-from agreement import assert_same, estimated, random_samples, tracked
-from flight_fmu import FIRST, N_D, FlightFmu, random_flight, whole_map
+from agreement import assert_same, estimated, random_samples
 from native_case import NativeCase
-from raw_fmu import ERROR, N_OUTPUTS, OK, VALUES, Fmu2, Fmu3, first_zero, write_resource
+from raw_fmu import ERROR, N_OUTPUTS, OK, VALUES, Fmu2, Fmu3, first_zero
 
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.gauge_zeros import GaugeZeros, no_zeros
@@ -55,23 +51,6 @@ def test_as_in_python_while_zeros_change(case: NativeCase) -> None:
     assert fmu.outputs().tobytes() == plain.outputs().tobytes()
 
 
-def test_nonlinear_estimator_as_in_python(tmp_path: Path) -> None:
-    held = whole_map()
-    location = write_resource(held, tmp_path).as_uri()
-    fmu, random = FlightFmu(location, N_D), np.random.default_rng(2)
-    fmu.start()
-    zeros = drawn(N_D, random, 1e-6)
-    assert give(fmu, zeros, FIRST + 28) == OK
-    estimator = Estimator(held).with_zeros(zeros)
-    for k, sample in enumerate(random_flight(held, 8, seed=3)):
-        reading = sample.strain + zeros.value + zeros.std * random.normal(size=N_D)
-        if k % 4 == 3:
-            reading[k] += 1e-4  # does not fit: the loads of the linear map
-        moved = type(sample)(strain=reading, valid=sample.valid, flow=sample.flow)
-        assert_same(fmu.advance(moved), tracked(estimator, moved))
-    fmu.free()
-
-
 def test_the_log_states_why_health_is_degraded(small: NativeCase) -> None:
     """While matrices for other deviations are made; what is read between the steps changes nothing."""
     fmu, other = (Fmu2(small.uri, small.n, logging=True).start() for _ in range(2))
@@ -95,19 +74,6 @@ def test_the_log_states_why_health_is_degraded(small: NativeCase) -> None:
     assert said[0].endswith("; matrices for other deviations of zeros are being made")
 
 
-def test_arrays_of_fmi_3(small: NativeCase) -> None:
-    zeros = drawn(small.n, np.random.default_rng(4), 1e-7)
-    two, three = Fmu2(small.uri, small.n).start(), Fmu3(str(small.resources), small.n).start()
-    assert give(two, zeros, first_zero(small.n)) == OK
-    values = [*zeros.value, *zeros.std, zeros.common_std]
-    assert three.set("Float64", c_double, ZEROS, values) == OK
-    assert three.get("Float64", c_double, ZEROS, 2 * small.n + 1)[1].tolist() == values
-    strain = small.inverse_map.mean_strain + zeros.value
-    two.set_strain(strain)
-    assert three.set("Float64", c_double, [13], strain) == OK
-    assert two.outputs().tobytes() == three.outputs().tobytes()
-
-
 @pytest.mark.parametrize(
     ("which", "value", "text"),
     [
@@ -123,23 +89,6 @@ def test_what_is_no_zero_is_refused(small: NativeCase, which: int, value: float,
     assert fmu.set_reals([first_zero(small.n) + which], [value]) == ERROR
     assert text in fmu.messages[-1][2]
     assert np.array_equal(fmu.outputs(), before, equal_nan=True)
-
-
-def test_state_brings_zeros_back(case: NativeCase) -> None:
-    random = np.random.default_rng(6)
-    fmu, noise = Fmu2(case.uri, case.n).start(), float(np.median(case.inverse_map.noise_std))
-    fmu.set_strain(case.inverse_map.mean_strain)
-    assert give(fmu, drawn(case.n, random, noise), first_zero(case.n)) == OK
-    expected = fmu.outputs()
-    status, state = fmu.deserialise(fmu.serialise(fmu.get_state()))
-    assert status == OK
-    assert give(fmu, drawn(case.n, random, 3.0 * noise), first_zero(case.n)) == OK
-    assert fmu.outputs().tobytes() != expected.tobytes()
-    assert fmu.call("SetFMUstate", state) == OK
-    assert fmu.outputs().tobytes() == expected.tobytes()
-    assert fmu.call("Reset") == OK
-    assert not fmu.get_reals(range(first_zero(case.n), first_zero(case.n) + 2 * case.n + 1)).any()
-    fmu.call("FreeFMUstate", byref(state))
 
 
 def test_derivative_by_a_zero_is_that_of_less_strain(case: NativeCase) -> None:
