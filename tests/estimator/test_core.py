@@ -13,7 +13,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from flight_fmu import random_flight, whole_map
-from numpy_core import NumpyCore
 from random_map import map_of, random_model
 from scaled_maps import NOMINAL, whole_scaled_map
 
@@ -22,7 +21,7 @@ from strainfmu.estimator.core import Core, library_file
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.gauge_zeros import GaugeZeros
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.map.inverse_map import InverseMap, nothing_of, save_inverse_map
+from strainfmu.estimator.map.inverse_map import InverseMap, save_inverse_map
 
 pytestmark = pytest.mark.fast
 
@@ -85,26 +84,6 @@ def test_without_a_compiler_a_line_says_how_to_get_the_library(linear: InverseMa
     )
     assert refused.returncode != 0
     assert "no C compiler (CC, cc, gcc, clang) found: install one, or ziglang" in refused.stderr.splitlines()[-1]
-
-
-def test_numpy_behind_the_same_interface(linear: InverseMap) -> None:
-    """Without errors in proportion to strain, whose trace numpy has exactly and the core between its levels."""
-    linear = replace(linear, **nothing_of("gauge_error_product", "common_error", "mean_product"))
-    compiled = Estimator(linear)
-    by_numpy = NumpyCore(linear, compiled.core.resource)
-    names = ("inputs", "outputs", "fit")
-    assert all(dict(getattr(by_numpy, name)) == dict(getattr(compiled.core, name)) for name in names)
-    random = np.random.default_rng(1)
-    inputs = np.full((40, by_numpy.n_inputs), np.nan)
-    inputs[:, : linear.n_gauges] = linear.mean_strain + 2e-6 * random.normal(size=(40, linear.n_gauges))
-    inputs[random.random(inputs.shape) < 0.02] = np.nan
-    inputs[:, by_numpy.inputs["dynamic_pressure"]] = NOMINAL * random.uniform(0.3, 2.0, (40, 1))
-    mask = random.random((40, linear.n_gauges)) > 0.03
-    found = by_numpy.series(0, inputs, with_fit=True, mask=mask)
-    expected = compiled.core.series(0, inputs, with_fit=True, mask=mask)
-    np.testing.assert_array_equal(np.isnan(found[:, :27]), np.isnan(expected[:, :27]))
-    size = np.nanmax(np.abs(expected), axis=0, initial=1e-30)
-    np.testing.assert_allclose(found / size, expected / size, atol=1e-8)
 
 
 def test_a_time_that_is_no_number_is_that_of_the_sample_before(linear: InverseMap, nonlinear: InverseMap) -> None:

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy_core import ByNumpy
 from scaled_maps import NOMINAL, scaled_map
 
 from strainfmu.errors import InputError
@@ -86,14 +85,13 @@ def test_between_levels_the_covariance_is_smooth() -> None:
     assert np.all(middle > 0.98 * std_at(1.0))
 
 
-@pytest.mark.parametrize("of", [Estimator, ByNumpy])
 @pytest.mark.parametrize("spread", [0.0, 3.0])
-def test_levels_rise_with_the_expected_chi_square_by_more(of: type[Estimator], spread: float) -> None:
+def test_levels_rise_with_the_expected_chi_square_by_more(spread: float) -> None:
     """With a slope of 0.4 both levels are r (0.6 + 0.4 r) times those at the mean strain, instead of r."""
     plain, _, _ = map_with_errors()
     random, states = np.random.default_rng(3), plain.state_operator.shape[1]
     strain = plain.mean_strain + spread * random.standard_normal((20, states)) @ plain.state_operator.T
-    before, after = (of(one).estimate(strain, NOMINAL) for one in (plain, replace(plain, level_slope=0.4)))
+    before, after = (Estimator(one).estimate(strain, NOMINAL) for one in (plain, replace(plain, level_slope=0.4)))
     at_mean = plain.chi_square_scale * chi_square_limit(plain.residual_degrees_of_freedom)
     ratio = np.asarray(before.chi_square_limit) / at_mean
     assert ratio.max() > 1.2 if spread else ratio.max() < 1.0
