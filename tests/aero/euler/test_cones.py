@@ -63,7 +63,7 @@ def coefficients(flow: FlowSolution, base_area: float) -> np.ndarray:
     return flow.force / (0.5 * GAMMA * flow.mach_number**2 * base_area)
 
 
-@pytest.mark.parametrize(("half_angle", "mach_number", "expected"), TAYLOR_MACCOLL)
+@pytest.mark.parametrize(("half_angle", "mach_number", "expected"), sweep(TAYLOR_MACCOLL, TAYLOR_MACCOLL[::3]))
 def test_pressure_of_a_cone_without_incidence(
     half_angle: float, mach_number: float, expected: float, cone_flow: ConeFlow
 ) -> None:
@@ -76,7 +76,7 @@ def test_pressure_of_a_cone_without_incidence(
     assert abs(normal) < 1e-3 * axial
 
 
-@pytest.mark.parametrize(("level", "largest"), [("coarse", 7e-4), ("medium", 4e-4)])
+@pytest.mark.parametrize(("level", "largest"), sweep([("coarse", 7e-4), ("medium", 4e-4)], [("coarse", 7e-4)]))
 def test_error_of_a_cone_s_pressure_is_as_stated_for_the_grid(level: str, largest: float) -> None:
     """The page of verification states it: 16 x 24 cells, the default of a vehicle file, and 24 x 36; every ray."""
     errors = []
@@ -93,7 +93,7 @@ def test_integration_of_the_cone_flow_gives_the_published_values() -> None:
         assert taylor_maccoll_pressure(radians(half_angle), mach_number) == pytest.approx(expected, rel=1e-6)
 
 
-@pytest.mark.parametrize(("half_angle", "mach_number"), [(7.5, 5.8), (12.0, 6.3)])
+@pytest.mark.parametrize(("half_angle", "mach_number"), sweep([(7.5, 5.8), (12.0, 6.3)], [(7.5, 5.8)]))
 def test_pressure_of_a_cone_between_the_tables(half_angle: float, mach_number: float, cone_flow: ConeFlow) -> None:
     """Within 0.3 % of the Taylor-Maccoll equation integrated here."""
     expected = taylor_maccoll_pressure(radians(half_angle), mach_number)
@@ -104,7 +104,7 @@ def test_pressure_of_a_cone_between_the_tables(half_angle: float, mach_number: f
 AXIALLY_SUPERSONIC = [(5.0, 1.042), (10.0, 1.130), (15.0, 1.252), (20.0, 1.407), (25.0, 1.603)]
 
 
-@pytest.mark.parametrize(("half_angle", "limit"), sweep(AXIALLY_SUPERSONIC, AXIALLY_SUPERSONIC[1::3]))
+@pytest.mark.parametrize(("half_angle", "limit"), sweep(AXIALLY_SUPERSONIC, AXIALLY_SUPERSONIC[1:2]))
 def test_cone_is_solved_where_its_flow_is_axially_supersonic(half_angle: float, limit: float) -> None:
     """From 0.05 above the limit in Mach number, pressure within 0.7 %, and 0.4 % from 0.1 above; not below it."""
     angle = radians(half_angle)
@@ -130,7 +130,9 @@ def test_cone_at_low_mach_number_and_incidence(half_angle: float, limit: float, 
     np.testing.assert_allclose(flow.force, flow.force_from_momentum, rtol=2e-3)
 
 
-@pytest.mark.parametrize(("half_angle", "mach_number", "expected"), NORMAL_FORCE_SLOPE)
+@pytest.mark.parametrize(
+    ("half_angle", "mach_number", "expected"), sweep(NORMAL_FORCE_SLOPE, NORMAL_FORCE_SLOPE[::3])
+)
 def test_initial_normal_force_slope(
     half_angle: float, mach_number: float, expected: float, cone_flow: ConeFlow
 ) -> None:

@@ -45,7 +45,8 @@ OGIVES = [(5.0, 0.0321), (6.0, 0.0308), (7.0, 0.0296)]
 
 
 @pytest.mark.parametrize(
-    ("mach_number", "incidence"), [(5.0, 4.0), (5.0, 8.478), (6.0, 0.0), (6.0, 10.0), (7.0, 14.106)]
+    ("mach_number", "incidence"),
+    sweep([(5.0, 4.0), (5.0, 8.478), (6.0, 0.0), (6.0, 10.0), (7.0, 14.106)], [(5.0, 8.478), (6.0, 0.0)]),
 )
 def test_surface_pressure_carries_the_momentum(
     mach_number: float, incidence: float, vehicle_body: BodyOfRevolution, vehicle_flow: VehicleFlow
@@ -76,7 +77,8 @@ def test_shoulder_expands_as_prandtl_and_meyer(
 
 
 @pytest.mark.parametrize(
-    ("half_angle", "behind", "mach_number"), [(5.0, 1.0, 5.0), (5.0, 1.0, 7.0), (10.0, 0.0, 5.0), (10.0, 0.0, 3.0)]
+    ("half_angle", "behind", "mach_number"),
+    sweep([(5.0, 1.0, 5.0), (5.0, 1.0, 7.0), (10.0, 0.0, 5.0), (10.0, 0.0, 3.0)], [(5.0, 1.0, 7.0)]),
 )
 def test_pressure_rises_evenly_behind_a_shoulder(
     half_angle: float, behind: float, mach_number: float, make_body: BodyMaker
@@ -93,7 +95,7 @@ def test_pressure_rises_evenly_behind_a_shoulder(
     np.testing.assert_allclose(found, rise * x, rtol=0.0, atol=3e-3)
 
 
-@pytest.mark.parametrize(("mach_number", "incidence"), [(1.5, 0.0), (2.0, 5.0), (3.0, 10.0)])
+@pytest.mark.parametrize(("mach_number", "incidence"), sweep([(1.5, 0.0), (2.0, 5.0), (3.0, 10.0)], [(1.5, 0.0)]))
 def test_shoulder_keeps_the_balances_at_low_mach_numbers(
     mach_number: float, incidence: float, vehicle_body: BodyOfRevolution
 ) -> None:
@@ -139,7 +141,7 @@ def test_march_alone_leaves_the_pressure_off(make_body: BodyMaker) -> None:
     np.testing.assert_allclose(error, [-0.0098, -0.0304, -0.0362, -0.0269], atol=5e-4)
 
 
-@pytest.mark.parametrize(("mach_number", "expected"), OGIVES)
+@pytest.mark.parametrize(("mach_number", "expected"), sweep(OGIVES, OGIVES[1:2]))
 def test_wave_drag_of_a_tangent_ogive(mach_number: float, expected: float, make_body: BodyMaker) -> None:
     """Within 4 %: the curve's own accuracy and the +-0.01 of its reading."""
     body = make_body((1.0, np.degrees(2.0 * atan(0.1)), 0.0))
@@ -169,7 +171,7 @@ def test_leeward_cross_flow_shock(vehicle_flow: VehicleFlow) -> None:
     assert at_base[-1] == at_base.max()
 
 
-@pytest.mark.parametrize("mach_number", [5.0, 6.0, 7.0])
+@pytest.mark.parametrize("mach_number", sweep([5.0, 6.0, 7.0], [6.0]))
 def test_no_variation_round_the_body_without_incidence(mach_number: float, vehicle_flow: VehicleFlow) -> None:
     """Within 2e-4: round-off and the limiter, less than the tolerance of the conical start."""
     for _, pressure in vehicle_flow(mach_number, 0.0).pieces:
@@ -181,17 +183,6 @@ def test_incidence_from_below_mirrors_the_flow(make_body: BodyMaker) -> None:
     up, down = (solve_flow(body, 6.0, radians(angle), grid) for angle in (3.0, -3.0))
     np.testing.assert_allclose(down.force, up.force * [1.0, -1.0], rtol=1e-4)
     np.testing.assert_allclose(down.pieces[0][1][-1], up.pieces[0][1][-1][::-1], rtol=1e-3)
-
-
-@pytest.mark.parametrize(("mach_number", "incidence"), [(5.0, 4.0), (7.0, 10.0)])
-def test_more_cells_change_the_forces_little(
-    mach_number: float, incidence: float, vehicle_body: BodyOfRevolution, vehicle_flow: VehicleFlow
-) -> None:
-    """The default 24 x 36 against 36 x 48 cells: C_A and C_N within 1 %."""
-    fine = solve_flow(
-        vehicle_body, mach_number, radians(incidence), MarchingGrid(n_radial=36, n_circumferential=48)
-    )
-    np.testing.assert_allclose(vehicle_flow(mach_number, incidence).force, fine.force, rtol=0.01)
 
 
 @pytest.mark.slow
@@ -319,12 +310,12 @@ def test_expansion_out_of_reach_is_not_called_a_shock(
     """A boat-tail that turns the flow too far: no word of a detached shock or of sonic flow."""
     body = make_body((1.0, 10.0, 10.0), (1.3, boat_tail, boat_tail))
     with pytest.raises(FlowReachError, match=r"expands to near vacuum at x = 1") as error:
-        solve_flow(body, 7.0, radians(incidence), MarchingGrid(corner=corner))
+        solve_flow(body, 7.0, radians(incidence), replace(COARSE, corner=corner))
     assert "axial Mach number" not in str(error.value)
     assert "detach" not in str(error.value)
 
 
-@pytest.mark.parametrize("incidence", [0.0, 5.0, 10.0])
+@pytest.mark.parametrize("incidence", sweep([0.0, 5.0, 10.0], [10.0]))
 def test_steep_boat_tail_at_high_mach_number_is_solved(incidence: float, make_body: BodyMaker) -> None:
     """22 deg away at M 7: an expansion to a few percent of p_inf, and the wall carries the momentum."""
     flow = solve_flow(make_body((1.0, 10.0, 10.0), (1.3, -12.0, -12.0)), 7.0, radians(incidence))
@@ -397,7 +388,7 @@ def test_compiled_solver_is_the_interpreted_one() -> None:
 
 def test_total_drag_of_a_cone_grows_with_its_area(make_body: BodyMaker) -> None:
     """Conical flow has no length: a cone twice as long has four times the force, and the same pressure."""
-    short, long = (solve_flow(make_body((x, 10.0, 10.0)), 6.0, radians(4.0)) for x in (1.0, 2.0))
+    short, long = (solve_flow(make_body((x, 10.0, 10.0)), 6.0, radians(4.0), COARSE) for x in (1.0, 2.0))
     np.testing.assert_allclose(long.force, 4.0 * short.force, rtol=1e-12)
     base_area = pi * tan(radians(10.0)) ** 2
     assert short.force[0] / base_area == pytest.approx(float(np.mean(short.pieces[0][1][-1] - 1.0)), rel=1e-12)

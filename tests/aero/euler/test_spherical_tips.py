@@ -15,7 +15,7 @@ from builder.aero.euler.bodies.solver import FlowSolution, solve_flow, solve_ful
 from builder.aero.euler.bodies.surface_function import cap_of
 from builder.aero.euler.planes import GRID_LEVELS, MarchingGrid
 from builder.aero.euler.starts import spherical_start
-from builder.aero.euler.starts.sphere_flow import solve_sphere
+from builder.aero.euler.starts.sphere_flow import SphereFlow, solve_sphere
 from builder.vehicle.shape.geometry import BodyOfRevolution, Segment, chain_pieces
 from builder.vehicle.shape.profile_entries import Haack, PowerLaw, spherical_cap, with_end_angles
 from strainfmu.errors import FlowReachError
@@ -45,19 +45,15 @@ def coefficients(flow: FlowSolution, body: BodyOfRevolution) -> np.ndarray:
     return flow.force / (0.5 * GAMMA * flow.mach_number**2 * pi * body.base_radius**2)
 
 
-# M, pitot pressure over p_inf (Rayleigh).
-PITOT = [(5.0, 32.653), (6.0, 46.815), (7.0, 63.553)]
-
-
 @pytest.mark.fast
-@pytest.mark.parametrize(("mach_number", "ratio"), PITOT)
+@pytest.mark.parametrize(("mach_number", "ratio"), [(6.0, 46.815), (20.0, 515.484)])
 def test_stagnation_pressure_is_the_pitot_pressure(mach_number: float, ratio: float) -> None:
+    """Over p_inf, by Rayleigh's formula."""
     sphere = solve_sphere(mach_number, radians(75.0))
     assert GAMMA * sphere.wall_pressure(np.zeros(1)) == pytest.approx(ratio, rel=2e-5)
 
 
-@pytest.mark.fast
-@pytest.mark.parametrize("mach_number", [4.0, 6.0, 10.0, 20.0])
+@pytest.mark.parametrize("mach_number", sweep([4.0, 6.0, 10.0, 20.0], [6.0, 20.0]))
 def test_stand_off_is_that_of_the_correlation(mach_number: float) -> None:
     """Seiff's correlation 0.78 rho_inf/rho_2 (NASA SP-24, 1962)."""
     density = (GAMMA + 1.0) * mach_number**2 / ((GAMMA - 1.0) * mach_number**2 + 2.0)
@@ -65,8 +61,9 @@ def test_stand_off_is_that_of_the_correlation(mach_number: float) -> None:
     assert stand_off == pytest.approx(0.78 / density, rel=0.03)
 
 
-@pytest.mark.fast
-@pytest.mark.parametrize(("mach_number", "tolerance"), [(2.0, 4e-3), (6.0, 1.5e-3), (20.0, 1.5e-3)])
+@pytest.mark.parametrize(
+    ("mach_number", "tolerance"), sweep([(2.0, 4e-3), (6.0, 1.5e-3), (20.0, 1.5e-3)], [(6.0, 1.5e-3)])
+)
 def test_the_sphere_does_not_depend_on_how_far_it_is_solved(mach_number: float, tolerance: float) -> None:
     theta = np.radians(np.linspace(0.0, 65.0, 14))
     near = solve_sphere(mach_number, radians(75.0)).wall_pressure(theta)
@@ -77,18 +74,22 @@ def test_the_sphere_does_not_depend_on_how_far_it_is_solved(mach_number: float, 
 @pytest.mark.fast
 def test_mass_through_the_layer_is_what_the_shock_takes_in() -> None:
     """Across the layer at theta: integral of rho v 2 pi r sin(theta) dr = M pi (r_s sin(theta))^2."""
-    sphere = solve_sphere(8.0, radians(75.0))
+    sphere = solve_sphere(6.0, radians(75.0))
     node, weight = np.polynomial.legendre.leggauss(16)
     for theta in np.radians([10.0, 40.0, 70.0]):
         shock = float(sphere.shock_radius(np.array([theta]))[0])
         r = 1.0 + (shock - 1.0) * 0.5 * (1.0 + node)
         _, density, _, v = sphere.state(np.full_like(r, theta), r)
         through = np.sum(0.5 * (shock - 1.0) * weight * density * v * 2.0 * pi * r * np.sin(theta))
-        assert through == pytest.approx(8.0 * pi * (shock * np.sin(theta)) ** 2, rel=1e-4)
+        assert through == pytest.approx(6.0 * pi * (shock * np.sin(theta)) ** 2, rel=1e-4)
+
+
+# Half-angle [deg], M, where the pressure is lowest [nose radii].
+SHARP = [(10.0, 6.0, 7.95), (15.0, 10.0, 5.15)]
 
 
 @pytest.mark.parametrize(
-    ("mach_number", "incidence_deg"), sweep([(3.0, 4.0), (6.0, 0.0), (10.0, 12.0)], [(3.0, 4.0)])
+    ("mach_number", "incidence_deg"), sweep([(3.0, 4.0), (6.0, 8.0), (10.0, 12.0)], [(6.0, 8.0)])
 )
 def test_force_of_the_wall_is_the_momentum_that_the_flow_lost(mach_number: float, incidence_deg: float) -> None:
     """From the stagnation point to the base: the cap's pressure, the cut and the march fit together."""
@@ -98,7 +99,7 @@ def test_force_of_the_wall_is_the_momentum_that_the_flow_lost(mach_number: float
     assert flow.n_repairs == 0
 
 
-@pytest.mark.parametrize(("half_angle_deg", "mach_number", "dip"), [(10.0, 6.0, 7.95), (15.0, 10.0, 5.15)])
+@pytest.mark.parametrize(("half_angle_deg", "mach_number", "dip"), sweep(SHARP, SHARP[:1]))
 def test_far_downstream_it_is_the_sharp_cone(half_angle_deg: float, mach_number: float, dip: float) -> None:
     """200 nose radii aft: Taylor-Maccoll. Between, the pressure falls below the cone's and comes back."""
     flow = solve_flow(sphere_cone(0.01, half_angle_deg, 2.0), mach_number, 0.0)
@@ -153,10 +154,6 @@ def test_a_cut_that_is_not_supersonic_is_refused() -> None:
     with pytest.raises(FlowReachError, match=r"M 6, total incidence 10 deg: outside the solver's reach") as caught:
         solve_flow(sphere_cone(0.1, 30.0, 0.6), 6.0, radians(10.0), COARSE)
     assert "\n" not in str(caught.value)
-    with pytest.raises(
-        FlowReachError, match=r"the flow over the spherical tip is not found at Mach number 1\.2 for M 1\.2"
-    ):
-        solve_flow(sphere_cone(0.1, 9.0, 0.6), 1.2, 0.0, COARSE)
 
 
 def test_a_march_that_begins_at_the_very_end_of_the_cap() -> None:
@@ -225,7 +222,7 @@ def test_forces_converge_as_the_cap_shrinks(monkeypatch: pytest.MonkeyPatch) -> 
     assert np.all(differences[1] < 0.025 * at_smallest)
 
 
-@pytest.mark.parametrize("incidence_deg", [0.0, 4.0])
+@pytest.mark.parametrize("incidence_deg", sweep([0.0, 4.0], [4.0]))
 def test_where_the_tip_can_be_marched_a_cap_gives_the_same_forces(
     incidence_deg: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -245,11 +242,27 @@ def test_where_the_tip_can_be_marched_a_cap_gives_the_same_forces(
 
 
 @pytest.mark.fast
-def test_what_no_cap_can_help_is_refused() -> None:
+def test_what_no_cap_can_help_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """A cone has no slender end for a cap, and near M 1 the flow over the sphere itself is not found."""
-    for body, mach_number in ((sphere_cone(0.08, 9.0, 1.6), 1.2), (von_karman(3.0), 1.2)):
-        with pytest.raises(FlowReachError, match=r"outside the solver's reach"):
-            solve_flow(body, mach_number, 0.0, MarchingGrid(n_radial=8, n_circumferential=12))
+
+    @cache
+    def tried(mach_number: float, reach: float) -> SphereFlow | FlowReachError:
+        try:
+            return solve_sphere(mach_number, reach)
+        except FlowReachError as error:
+            return error
+
+    def once_tried(mach_number: float, reach: float) -> SphereFlow:
+        found = tried(mach_number, reach)
+        if isinstance(found, FlowReachError):
+            raise found
+        return found
+
+    monkeypatch.setattr(spherical_start, "solve_sphere", once_tried)
+    not_found = r"the flow over the spherical tip is not found at Mach number 1\.2 for M 1\.2"
+    for body, said in ((sphere_cone(0.08, 9.0, 1.6), not_found), (von_karman(3.0), "outside the solver's reach")):
+        with pytest.raises(FlowReachError, match=said):
+            solve_flow(body, 1.2, 0.0, MarchingGrid(n_radial=8, n_circumferential=12))
 
 
 def test_a_paraboloid_is_marched_behind_its_sphere() -> None:
