@@ -138,7 +138,7 @@ def influence_coefficients(estimate: Estimate) -> list[tuple[str, FloatArray, Fl
         if len(forces) != 1 or not all(isinstance(model.loads[n][1].load, OF_MASS) for n in of_mass):
             continue
         force = cell_force(model.loads[forces[0]][1].load)
-        rest = by_load[of_mass].sum(axis=0) + errors.zero[model.groups.index(case.group)]
+        rest = by_load[of_mass].sum(axis=0) + errors.zero[model.group_of_case[k]]
         use = estimate.used[k] | (case.check & estimate.used.any(axis=0))
         measured = np.where(use, case.reading - rest, np.nan) / force
         predicted = (estimate.after[k] - rest) / force

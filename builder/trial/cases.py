@@ -60,6 +60,8 @@ class GroundTest(Section):
         (Student's t of three degrees of freedom). 0 for zeros by [calibration].
     drift_um_per_m : standard deviation of what zeros drift by until the last case.
     hysteresis_percent : part of a case's strain that the next one still reads.
+    load_percent, load_cell_percent : stated errors of each load, and of all loads of a load cell together.
+    load_cells : that the loads stand on in turn.
     """
 
     pads: int = Field(default=12, ge=1)
@@ -76,6 +78,9 @@ class GroundTest(Section):
     zero_um_per_m: float = Field(default=0.0, ge=0.0)
     drift_um_per_m: float = Field(default=0.0, ge=0.0)
     hysteresis_percent: float = 0.0
+    load_percent: float = Field(default=0.5, ge=0.0)
+    load_cell_percent: float = Field(default=0.5, ge=0.0)
+    load_cells: int = Field(default=1, ge=1)
 
 
 class GroundTests(Section):
@@ -85,13 +90,11 @@ class GroundTests(Section):
     ----------
     walls : "smooth" vary smoothly along the body; "stated" by the regions and sizes of [calibration].
     proposed : the test that `strainfmu loadtest` proposes; otherwise pads at even distances.
-    load_cell_percent : error that all loads have in common.
     draws : of gauge noise for each flight.
     """
 
     walls: Literal["smooth", "stated"] = "smooth"
     proposed: bool = True
-    load_cell_percent: float = Field(default=0.5, ge=0.0)
     draws: int = Field(default=8, ge=1)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import cycle
 
 import numpy as np
 import pytest
@@ -18,7 +19,8 @@ from builder.calibration.score.ground_rows import (
     spoil_of,
     with_errors,
 )
-from builder.calibration.score.ground_world import GroundWorld, flights_of, ground_world
+from builder.calibration.score.ground_world import GroundWorld, flights_of, ground_world, on_cells
+from builder.calibration.score.simulated_test import standard_load_cases
 from builder.campaign.snapshots import Snapshots, save_snapshots
 from builder.structure.as_built.as_built_vehicle import Counts, exactly_built
 from builder.trial.cases import Built, Case, GroundTest, GroundTests, Plan
@@ -56,6 +58,14 @@ def test_errors_of_a_case_are_what_the_file_says() -> None:
         spoil_of(GroundTest(wrong="attitude"), pads)
     with pytest.raises(InputError, match=r"ground.wrong: expected kgf, .*, wrong load; got 'kgs'"):
         refuse_unknown_tests((), [case_of(wrong="kgs")])
+
+
+@pytest.mark.fast
+def test_loads_stand_on_the_load_cells_in_turn() -> None:
+    in_turn, errors = cycle(range(2)), LoadErrors(load=0.001)
+    loads = [known for case in standard_load_cases(3, 2.0) for known in on_cells(case, errors, in_turn)]
+    assert [known.load_cell for known in loads if known.on_load_cell] == ["1", "2", "1"]
+    assert {known.std for known in loads if known.on_load_cell} == {0.001}
 
 
 @pytest.mark.fast

@@ -40,7 +40,7 @@ def applied_by(model: ReadingsModel, vector: FloatArray) -> AppliedTest:
     """Return the test of the vehicle ``vector`` (n,) of a model."""
     as_built = model.built(vector)
     errors = model.errors(vector)
-    zero = errors.zero[[model.groups.index(case.group) for case in model.test.cases]]
+    zero = errors.zero[model.group_of_case]
     zero += np.outer(model.time, errors.drift)
     weight = np.zeros_like(zero)
     for (case, known), strain in zip(model.loads, model.load_strains(as_built), strict=True):

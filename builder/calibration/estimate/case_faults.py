@@ -21,7 +21,7 @@ from scipy.special import chdtrc
 
 from builder.calibration.estimate.estimated_vehicle import Estimate
 from builder.calibration.estimate.gaussian import GaussianModel
-from builder.calibration.estimate.readings_model import DRIFT, ReadingsModel, scaled_columns
+from builder.calibration.estimate.readings_model import ReadingsModel, scaled_columns
 from builder.calibration.ground_test.equations_file import FORCES
 from builder.calibration.ground_test.load_changes import cell_force, hanging, is_along
 from builder.calibration.ground_test.load_test import LoadCase
@@ -193,16 +193,15 @@ class _Screen:
         density = -0.5 * (square + float(np.linalg.slogdet(covariance)[1]))
         return float(chdtrc(len(gauges), square)), density, size
 
-    def _of_load(self, case: int) -> tuple[BoolArray, FloatArray]:
-        """Return (n,) whether a column is a zero, and the columns (n_d, n) of ``case`` without those."""
-        zeros = np.array([name.startswith(("zero ", f"{DRIFT} ")) for name in self.model.names])
-        return zeros, np.where(zeros, 0.0, self.columns(case))
+    def _parts(self, case: int) -> tuple[FloatArray, FloatArray]:
+        """Return the columns (n_d, n) of ``case`` by zeros of the recorder, and by all else."""
+        is_zero, columns = self.model.is_zero, self.columns(case)
+        return np.where(is_zero, columns, 0.0), np.where(is_zero, 0.0, columns)
 
     def _causes(self, case: int, wrong: set[int]) -> Iterator[_Cause]:
         """Yield what the readings of a case may be of."""
-        zeros, of_load = self._of_load(case)
-        of_zeros, load = np.where(zeros, self.columns(case), 0.0), self.predicted[case]
-        weight, of_weight = self._of_weight(case, zeros)
+        (of_zeros, of_load), load = self._parts(case), self.predicted[case]
+        weight, of_weight = self._of_weight(case)
         for factor, text in FACTORS.items():
             kind = {-1.0: "sign", 0.0: "no load"}.get(factor, "unit")
             if self._weighs(case):
@@ -216,7 +215,7 @@ class _Screen:
         yield _Cause(kind="balance", text="the recorder was balanced again", reading=load, columns=of_load)
         yield from self._of_masses(case)
         yield from self._of_other_cases(case, wrong)
-        yield from self._of_attitudes(case, zeros, of_zeros)
+        yield from self._of_attitudes(case, of_zeros)
 
     def _of_masses(self, case: int) -> Iterator[_Cause]:
         """Yield what hangs on a load without being stated, and a load of another size to compare it with."""
@@ -240,23 +239,23 @@ class _Screen:
                 size=lambda size: f"{size * MASS:.2g} kg",
             )
 
-    def _of_weight(self, case: int, zeros: BoolArray) -> tuple[FloatArray, FloatArray]:
+    def _of_weight(self, case: int) -> tuple[FloatArray, FloatArray]:
         """Return what own weight and inertia of a case strain (n_d,), and its columns (n_d, n)."""
         stated = self.model.test.cases[case]
         loads = tuple(known for known in stated.loads if isinstance(known.load, OF_MASS))
-        none = np.zeros((self.used.shape[1], len(zeros)))
+        none = np.zeros((self.used.shape[1], self.rows.shape[1]))
         if not loads:
             return np.zeros(len(none)), none
-        reading, of_vehicle = self._bare((replace(stated, loads=loads),), zeros)
+        reading, of_vehicle = self._bare((replace(stated, loads=loads),))
         none[:, : self.model.n_built] = of_vehicle[0]
         return reading[0], none
 
-    def _bare(self, cases: tuple[LoadCase, ...], zeros: BoolArray) -> tuple[FloatArray, FloatArray]:
+    def _bare(self, cases: tuple[LoadCase, ...]) -> tuple[FloatArray, FloatArray]:
         """Return readings (n, n_d) of other cases, and their columns (n, n_d, n_built), 0 of zeros."""
         model = ReadingsModel(self.model.structure, replace(self.model.test, cases=cases), self.model.prior)
         reading, jacobian = model.at_drawing()
         of_vehicle = scaled_columns(jacobian, model.std)[:, : model.n_built].toarray().reshape(*reading.shape, -1)
-        of_vehicle[..., zeros[: model.n_built]] = 0.0
+        of_vehicle[..., model.is_zero[: model.n_built]] = 0.0
         return reading, of_vehicle
 
     def _of_other_cases(self, case: int, wrong: set[int]) -> Iterator[_Cause]:
@@ -283,7 +282,7 @@ class _Screen:
         """Return whether own weight is the only load of a case."""
         return all(isinstance(known.load, Weight) for known in self.model.test.cases[case].loads)
 
-    def _of_attitudes(self, case: int, zeros: BoolArray, of_zeros: FloatArray) -> Iterator[_Cause]:
+    def _of_attitudes(self, case: int, of_zeros: FloatArray) -> Iterator[_Cause]:
         stated = self.model.test.cases[case]
         weight = [known.load for known in stated.loads]
         if len(weight) != 1 or not isinstance(weight[0], Weight):
@@ -296,7 +295,7 @@ class _Screen:
             )
             for turn, text in TURNS.items()
         )
-        reading, of_vehicle = self._bare(turned, zeros)
+        reading, of_vehicle = self._bare(turned)
         for k, attitude in enumerate(turned):
             columns = of_zeros.copy()
             columns[:, : self.model.n_built] += of_vehicle[k]
@@ -306,11 +305,10 @@ class _Screen:
 
     def _by_a_factor(self, case: int, mean: FloatArray) -> tuple[str, float]:
         """Return by how much the loads differ at best, in words; own weight apart where it is not the only one."""
-        zeros, of_load = self._of_load(case)
-        of_zeros, load = np.where(zeros, self.columns(case), 0.0), self.predicted[case]
+        (of_zeros, of_load), load = self._parts(case), self.predicted[case]
         gauges = np.flatnonzero(self.used[case])
         if not self._weighs(case):
-            weight, of_weight = self._of_weight(case, zeros)
+            weight, of_weight = self._of_weight(case)
             of_zeros, of_load, load = of_zeros + of_weight, of_load - of_weight, load - weight
         residual = (self.reading[case] - (self.predicted[case] - load) - of_zeros @ mean)[gauges]
         load = (load + of_load @ mean)[gauges]

@@ -129,17 +129,16 @@ def _of_test(model: ReadingsModel) -> Iterator[Cause]:
 
 
 def _of_loads(model: ReadingsModel) -> Iterator[Cause]:
-    first = model.cell_entries.start - len(model.loads)
     for number, (_, known) in enumerate(model.loads):
         if known.std > 0.0:
-            entries = np.array([first + number])
+            entries = model.own_entries[[number]]
             yield Cause(where="load", kind="load", number=number, entries=entries, wide=np.array([WIDE_LOAD]))
     tilts = len(PAD_STEPS) - 2  # the last two of each load
     for number, (case, known) in enumerate(model.loads):
         if isinstance(known.load, PadForce | PointForce):
             change = change_by(known.load, hanging(known.load, model.test.cases[case], WIDE_MASS))
             turn = model.cell_entries.stop + len(PAD_STEPS) * number + tilts
-            entries = np.array([first + number, turn, turn + 1])
+            entries = np.array([model.own_entries[number], turn, turn + 1])
             yield Cause(where="load", kind="mass", number=number, entries=entries, wide=change, together=True)
 
 

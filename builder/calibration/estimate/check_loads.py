@@ -82,7 +82,7 @@ def check_loads(
             along = np.linalg.solve(root, strain[on_cell].sum(axis=0)[used])
             std = 1.0 / float(np.sqrt(along @ along))
             difference = float(along @ white) * std**2
-        without_zero = (case.reading - errors.zero[model.groups.index(case.group)])[None]
+        without_zero = (case.reading - errors.zero[model.group_of_case[k]])[None]
         rows.append(
             CheckLoad(
                 case=case.name,

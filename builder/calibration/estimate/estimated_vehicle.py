@@ -235,7 +235,7 @@ class Estimate:
     def has_diverged(self) -> bool:
         """Whether the steps found no vehicle: a misfit near the drawing's, or gauges that read the reverse."""
         model, used = self.model, self.used
-        misfit = (model.test.readings - drawing_readings(model, used))[used] / model.test.reading_stds[used]
+        misfit = (model.test.readings - self.before)[used] / model.test.reading_stds[used]
         most = float(np.sum(misfit**2)) * (1.0 if self.settled else NEAR_DRAWING)
         as_built = self.parameters
         reads = float(np.median(gain_of(as_built))) / (1.0 + float(as_built.youngs_modulus[0]))
@@ -309,25 +309,19 @@ def estimate(model: ReadingsModel, used: BoolArray, start: FloatArray | None = N
     full[np.ix_(free, free)] = linear.precision.inverse
     full *= model.std[:, None]
     full *= model.std
+    drawing = model.at_drawing()[0]
     return Estimate(
         model=model,
         vector=vector,
         covariance=full,
         used=used,
-        before=drawing_readings(model, used),
+        before=drawing + _mean_of_group(model, used, np.where(used, test.readings - drawing, 0.0)),
         after=after,
         chi_square=float(np.sum(residual[~model.structure.at_break[np.argwhere(used)[:, 1]]] ** 2)),
         steps=steps,
         settled=settled,
         last_step=last_step,
     )
-
-
-def drawing_readings(model: ReadingsModel, used: BoolArray) -> FloatArray:
-    """Return what the vehicle of the drawing reads (n_cases, n_d), its zeros the mean of what is left."""
-    predicted = model.at_drawing()[0]
-    residual = np.where(used, model.test.readings - predicted, 0.0)
-    return np.asarray(predicted + _mean_of_group(model, used, residual))
 
 
 def _mean_of_group(model: ReadingsModel, used: BoolArray, value: FloatArray) -> FloatArray:

@@ -334,8 +334,7 @@ def load_shifts(fit: Estimate) -> tuple[FloatArray, FloatArray]:
     The load's own error is what the others readings and all priors say without the prior of that error.
     """
     model = fit.model
-    first = model.n_built + (len(model.groups) - 1) * model.structure.n_gauges
-    index = first + np.arange(len(model.loads))
+    index = model.own_entries
     prior, after = model.std[index] ** 2, np.diag(fit.covariance)[index]
     shift, size = np.zeros(len(index)), np.zeros(len(index))
     used = np.array([fit.used[k].any() for k, _ in model.loads])
@@ -354,14 +353,13 @@ def doubtful_cases(model: ReadingsModel, scatter: _GaugeScatter) -> BoolArray:
     A gauge's readings in the other cases show what it should read in a case; the median of all is not moved by
     a few gauges at fault.
     """
-    first = model.n_built + (len(model.groups) - 1) * model.structure.n_gauges
     doubtful, shape = np.zeros(len(model.test.cases), dtype=bool), model.test.readings.shape
     left_out = [scatter.left_out(gauge) for gauge in range(shape[1])]
     error, std = (np.array(part).T for part in zip(*left_out, strict=True))
     columns = model.at_drawing()[1].tocsc()
-    for number, (case, known) in enumerate(model.loads):
+    for entry, (case, known) in zip(model.own_entries, model.loads, strict=True):
         if known.std > 0.0:
-            strain = columns[:, [first + number]].toarray().reshape(shape)[case]
+            strain = columns[:, [entry]].toarray().reshape(shape)[case]
             some = np.isfinite(error[case]) & (strain != 0.0)
             value, weight = error[case, some] / strain[some], np.abs(strain[some]) / std[case, some]
             if len(value):

@@ -250,6 +250,11 @@ class ReadingsModel:
         return self.jacobian(np.zeros(len(self.std)))
 
     @property
+    def group_of_case(self) -> IntArray:
+        """(n_cases,) number of the zeros that each case has."""
+        return np.array([self.groups.index(case.group) for case in self.test.cases], dtype=np.int64)
+
+    @property
     def case_of_load(self) -> IntArray:
         """(n_loads,) number of the case of each load."""
         return np.array([k for k, _ in self.loads], dtype=np.int64)
@@ -348,10 +353,14 @@ class ReadingsModel:
         return slice(first, first + len(CELL) * len(self.cells))
 
     @property
+    def own_entries(self) -> IntArray:
+        """(n_loads,) where the own error of every load stands in the vector."""
+        return self.cell_entries.start - np.arange(len(self.loads), 0, -1)
+
+    @property
     def load_entries(self) -> IntArray:
         """(n,) where the own error, place, roll, shape and direction of every load stand in the vector."""
-        first, end = self.cell_entries.start - len(self.loads), self.common_entries.start
-        return np.r_[first : self.cell_entries.start, self.cell_entries.stop : end].astype(np.int64)
+        return np.r_[self.own_entries, self.cell_entries.stop : self.common_entries.start].astype(np.int64)
 
     @property
     def common_entries(self) -> slice:
@@ -452,8 +461,7 @@ class ReadingsModel:
             slopes.add(
                 slopes.rows, where[key[0]].start + numbers, self._summed((1.0 + errors.scale)[:, None] * value.T)
             )
-        for rows, case in zip(slopes.rows, self.test.cases, strict=True):
-            group = self.groups.index(case.group)
+        for rows, group in zip(slopes.rows, self.group_of_case.tolist(), strict=True):
             first = where[ZERO].start if group == 0 else self.n_built + (group - 1) * n_d
             slopes.add(rows, first + gauge, 1.0)
         pads = [columns.copy() for columns in self._pads.columns]
@@ -492,8 +500,7 @@ class ReadingsModel:
 
     def _zeros(self, errors: StatedErrors) -> FloatArray:
         """Return what every case reads without load (n_cases, n_d)."""
-        group = [self.groups.index(case.group) for case in self.test.cases]
-        return np.asarray(errors.zero[group] + self.time[:, None] * errors.drift)
+        return np.asarray(errors.zero[self.group_of_case] + self.time[:, None] * errors.drift)
 
     def _summed(self, by_load: FloatArray) -> FloatArray:
         """Return (n_cases, n_d) sums of (n_loads, n_d) over the loads of each case."""
@@ -503,10 +510,10 @@ class ReadingsModel:
 
     def _load_derivatives(self, slopes: _Derivatives, strain: FloatArray, pads: list[FloatArray]) -> None:
         """Add the derivatives by the errors of every load, and of their cells and direction in common."""
-        first, turn, n_p = self.cell_entries.start - len(self.loads), self.common_entries.start, len(PAD_STEPS)
+        own, turn, n_p = self.own_entries, self.common_entries.start, len(PAD_STEPS)
         for number, (case, _) in enumerate(self.loads):
             rows, pad = slopes.rows[case][:, None], self.cell_entries.stop + n_p * number + np.arange(n_p)
-            slopes.add(rows, first + number, strain[number][:, None])
+            slopes.add(rows, own[number], strain[number][:, None])
             slopes.add(rows, self._of_cells, np.outer(strain[number], self._on_cell[number]))
             slopes.add(rows, pad, pads[number].T)
             slopes.add(rows, turn + np.arange(len(DIRECTIONS)), pads[number][-2:].T @ self._turns[number])

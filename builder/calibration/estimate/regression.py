@@ -143,8 +143,7 @@ def load_equations(fit: Estimate, moment_station: float) -> list[LoadEquation]:
     good = np.asarray(used.any(axis=0))
     rows = np.asarray(used[:, good].all(axis=1))
     errors = model.errors(fit.vector)
-    group = [model.groups.index(case.group) for case in model.test.cases]
-    strain = (model.test.readings - errors.zero[group])[rows]
+    strain = (model.test.readings - errors.zero[model.group_of_case])[rows]
     loads = applied_loads(model, moment_station, float(fit.parameters.mass[0]))[rows]
     gauges = np.flatnonzero(good).tolist()
     return [load_equation(name, strain, loads[:, k], gauges, "selected") for k, name in enumerate(LOAD_NAMES)]

@@ -133,8 +133,7 @@ def _over_prior(parts: PlanParts, fit: Estimate) -> FloatArray:
 def _ground_strains(fit: Estimate) -> FloatArray:
     """Return what the loads strain (n, n_d) in the cases that were used, zeros taken off [m/m]."""
     model = fit.model
-    group = [model.groups.index(case.group) for case in model.test.cases]
-    strain = fit.after - model.errors(fit.vector).zero[group]
+    strain = fit.after - model.errors(fit.vector).zero[model.group_of_case]
     return np.asarray(strain[fit.used.any(axis=1)])
 
 

@@ -275,11 +275,12 @@ def applied_test(
     world: GroundWorld, entry: GroundTest, test: LoadTest, as_built: AsBuilt, random: np.random.Generator
 ) -> AppliedTest:
     """Return the test as it is applied to a vehicle of the truth, with drawn errors of its loads."""
-    gain, offset = random.standard_normal(2).tolist()
-    cell = CellErrors(gain=test.errors.common * gain, offset=test.errors.cell_offset * offset)
+    drawn = random.standard_normal((entry.load_cells, 2)) * (test.errors.common, test.errors.cell_offset)
+    cells = [CellErrors(gain=gain, offset=offset) for gain, offset in drawn.tolist()]
     strain, weight = np.zeros((2, *test.readings.shape))
     for number, case in enumerate(test.cases):
         for known in case.loads:
+            cell = cells[int(known.load_cell) - 1]
             load = towards_tail(as_applied(known, test.errors, cell, random), entry.tilt_deg)
             load = moved(load, longer=0.01 * entry.pads_percent)
             if entry.rig_kg and isinstance(known.load, PLACED):

@@ -8,8 +8,10 @@ the others by the mean of each piece. The tables of the structure are solved onc
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from itertools import cycle
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +23,7 @@ from builder.calibration.after_test.left_by_test import LeftByTest, Remaining
 from builder.calibration.as_built.structure_of_test import prior_of_test, structure_of_test
 from builder.calibration.estimate.readings_model import ReadingsModel
 from builder.calibration.ground_test.candidate_cases import LoadLimits, PlannedCase, known_loads
-from builder.calibration.ground_test.load_test import LoadCase, LoadErrors, LoadTest
+from builder.calibration.ground_test.load_test import KnownLoad, LoadCase, LoadErrors, LoadTest
 from builder.calibration.plan.load_plan import PlanParts, load_plan, run_order
 from builder.calibration.score.simulated_test import standard_load_cases
 from builder.campaign.snapshots import Snapshots, load_snapshots, snapshots_on
@@ -141,6 +143,12 @@ def flights_of(
     )
 
 
+def on_cells(case: PlannedCase, errors: LoadErrors, in_turn: Iterator[int]) -> tuple[KnownLoad, ...]:
+    """Return the loads of a case, each that is read on the next load cell of ``in_turn``."""
+    loads = known_loads(case, errors)
+    return tuple(replace(load, load_cell=str(1 + next(in_turn))) if load.on_load_cell else load for load in loads)
+
+
 @lru_cache(1)
 def _strain_near(structure: AsBuiltStructure, as_built: AsBuilt) -> StrainOfLoads:
     return structure.strain_near(as_built)
@@ -228,19 +236,24 @@ class GroundWorld(Shared):
 
     def model(self, entry: GroundTest) -> ReadingsModel:
         """Return the test of a case, without readings."""
-        noise, structure = MICRO * entry.reading_std_um_per_m, self.structure
-        errors = LoadErrors(common=0.01 * self.options.load_cell_percent)
+        noise, structure, n_cells = MICRO * entry.reading_std_um_per_m, self.structure, entry.load_cells
+        errors = LoadErrors(load=0.01 * entry.load_percent, common=0.01 * entry.load_cell_percent)
+        together = replace(errors, common=errors.common / n_cells**0.5)  # cells differ independently
 
         def made() -> ReadingsModel:
-            none, std = np.zeros(structure.n_gauges), np.full(structure.n_gauges, noise)
+            none, std, in_turn = (
+                np.zeros(structure.n_gauges),
+                np.full(structure.n_gauges, noise),
+                cycle(range(n_cells)),
+            )
             cases = tuple(
-                LoadCase(name=case.name, loads=known_loads(case, errors), reading=none, reading_std=std)
-                for case in self._cases(entry.pads, noise, errors)
+                LoadCase(name=case.name, loads=on_cells(case, errors, in_turn), reading=none, reading_std=std)
+                for case in self._cases(entry.pads, noise, together)
             )
             test = LoadTest(gauge_names=structure.gauges.names, cases=cases, errors=errors)
             return ReadingsModel(structure, test, prior_of_test(self.vehicle, structure))
 
-        return self.once((entry.pads, noise), made)
+        return self.once((entry.pads, noise, errors, n_cells), made)
 
     def _cases(self, pads: int, noise: float, errors: LoadErrors) -> list[PlannedCase]:
         """Return ``pads`` bonded pads that are proposed, in the order in which they are run, with zero readings
