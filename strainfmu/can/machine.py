@@ -217,6 +217,7 @@ class Machine:
     Attributes
     ----------
     authentication : checks authenticators, by slot of the plan; None where frames have none.
+    bridge, output_names : ``SbBridge`` with its arrays; outputs that it has behind loads and chi-square.
 
     Raises
     ------
@@ -289,7 +290,6 @@ class Machine:
         # The call of another's code lets other threads run.
         self._estimate = library_of_estimator().sb_estimate
         self._composed: ResultFrames | None = None
-        self._queue: FrameQueue | None = None
         self._library, self._slots = library, plan.slots
         self._causes = part(PLACES["result"], RESULT, 1)["causes"].data
         self._join(step)
@@ -432,7 +432,9 @@ class Machine:
             names.setdefault(self._slots[frame_layout.key], []).append(
                 f"0x{frame_layout.identifier:X} {frame_layout.name}"
             )
-        came = {slot for slot, has_come in zip(self._slots.values(), self._came.tolist(), strict=True) if has_come}
+        came = {
+            slot for slot, has_come in zip(self._slots.values(), self._came.tolist(), strict=False) if has_come
+        }
         heard = sum(len(frame_names) for slot, frame_names in names.items() if slot in came)
         missing = [name for slot, frame_names in names.items() if slot not in came for name in frame_names]
         return f"expected frames: {heard} heard; never heard: {', '.join(missing) or 'none'}"
@@ -441,54 +443,44 @@ class Machine:
 
     def _refuse(self, frame: Frame) -> None:
         """Account for a frame that is no data frame of the input."""
-        key, time = frame.key, frame.time
+        kind, key = self._library.sb_refuse(self._at_bridge, frame.data), frame.key
         if frame.is_error:
-            kind = FrameClass.ERROR_FRAME
             self.bus_state = state_after(self.bus_state, frame)
             if self.bus_state is not BusState.ERROR_ACTIVE:
                 self.note(Cause.BUS)
-        elif key in self.own.keys:
-            kind = FrameClass.SECOND_BRIDGE
-            self._library.sb_note_bridge(self._at[1], ctypes.c_double(time + self.plan.bridge_alarm))
-        elif key in self._slots:
-            kind = FrameClass.REMOTE_FRAME
-        elif key ^ EXTENDED_FLAG in self._slots:
-            kind = FrameClass.WRONG_FORMAT
-        else:
-            kind = FrameClass.UNKNOWN_IDENTIFIER
-            if key in self._unknown or len(self._unknown) < LISTED_IDENTIFIERS:
-                self._unknown[key] = self._unknown.get(key, 0) + 1
-        self.count(kind, time)
-        if self._queue is not None:
-            self._queue.put(frame, True)
+        elif kind == NUMBER_OF[FrameClass.UNKNOWN_IDENTIFIER] and (
+            key in self._unknown or len(self._unknown) < LISTED_IDENTIFIERS
+        ):
+            self._unknown[key] = self._unknown.get(key, 0) + 1
 
     def _join(self, step: Step) -> None:
         """Let compiled code judge what the estimator makes of a cycle; an FMU it steps by itself."""
         self._fmu = step if isinstance(step, FmuStep) else None
-        self._bridge, quantities = Record(BRIDGE), self.plan.quantities
+        self.bridge, quantities = Record(BRIDGE), self.plan.quantities
         places = np.full(len(quantities) + 1, -1, dtype=np.int32)
-        self._output_names: Sequence[str] = (ENVELOPE_SCORE,)
+        self.output_names: Sequence[str] = (ENVELOPE_SCORE,)
         if (fmu := self._fmu) is not None:
-            self._output_names = fmu.other_outputs
+            self.output_names = fmu.other_outputs
             given = dict.fromkeys(NAVIGATION, nan) | self._constants | dict.fromkeys(quantities, nan)
             for name in fmu.other_inputs:
                 fmu.inputs[fmu.places[name]] = given.get(name, fmu.inputs[fmu.places[name]])
             places[:-1] = [fmu.places[name] if name in fmu.other_inputs else -1 for name in quantities]
-        keys = np.array([*self._slots], dtype=np.uint32)
+        slots = self._slots | dict.fromkeys(self.own.keys, -1)
+        keys = np.array([*slots], dtype=np.uint32)
         self._came, heard = np.zeros(len(keys), dtype=bool), np.zeros(1, dtype=LOGGED)
         self._heard = heard.view(np.uint8).data
-        self._bridge.set(
+        self.bridge.set(
             plan=self.plan.record,
             state=self._state,
             place=places,
             key=keys,
-            slot=np.array([*self._slots.values()], dtype=np.int32),
+            slot=np.array([*slots.values()], dtype=np.int32),
             has_come=self._came,
             heard=heard,
         )
-        record, number = self._bridge.record, self._bridge.numbers
+        record, number = self.bridge.record, self.bridge.numbers
         record["last_step"], record["needs_pressure"], record["score"] = nan, needs_pressure(step), -1
-        record["n_keys"] = len(keys)
+        record["n_keys"], record["alarm"] = len(keys), self.plan.bridge_alarm
         self._at_bridge = pointer(record)
         self._pressure = number("pressure", "f8")
         self._is_stepped, self._n_used = number("is_stepped", "i4"), number("n_gauges", "i4")
@@ -496,31 +488,30 @@ class Machine:
 
     def _use_outputs(self) -> None:
         """Tell compiled code where the outputs are: of an FMU, whose instance may be new, or of Python."""
-        record, fmu = self._bridge.record, self._fmu
-        self._output = np.zeros(FIRST_OTHER + len(self._output_names) + 1) if fmu is None else fmu.outputs
+        record, fmu = self.bridge.record, self._fmu
+        self._output = np.zeros(FIRST_OTHER + len(self.output_names) + 1) if fmu is None else fmu.outputs
         self._output_numbers = self._output.data
-        self._bridge.set(output=self._output)
+        self.bridge.set(output=self._output)
         record["n_outputs"] = len(self._output)
         if fmu is not None:
-            self._bridge.set(estimator=fmu.exchange.record)
+            self.bridge.set(estimator=fmu.exchange.record)
             record["mask"] = fmu.first_mask % len(fmu.inputs)
 
     def log_to(self, queue: FrameQueue) -> None:
         """Have every received frame but own ones wait in ``queue``."""
-        self._queue = queue
-        self._bridge.set(queue=queue.record)
+        self.bridge.set(queue=queue.record)
 
     def compose(self, layouts: Sequence[FrameLayout], configuration: int) -> None:
         """Have the frames of every result composed with it; ``configuration`` as in the frames, 0 for none."""
         if self._fmu is None:
-            self._output_names = output_names(layouts)
+            self.output_names = output_names(layouts)
             self._use_outputs()
         first = int(self.plan.record["first_result"][0])
-        self._composed = ResultFrames(self._bridge, layouts, configuration, first, self._output_names)
+        self._composed = ResultFrames(self.bridge, layouts, configuration, first, self.output_names)
 
     def status_frames(self, now: float, send_failures: int, reconnects: int) -> list[Frame]:
         """Return the frames of the bridge's status [s], and the details of the last result."""
-        record, self._time.value = self._bridge.record, now
+        record, self._time.value = self.bridge.record, now
         record["bus_state"], record["send_failures"], record["reconnects"] = (
             self.bus_state,
             send_failures,
@@ -577,7 +568,7 @@ class Machine:
         result.coefficients, result.coefficients_std, result.other_outputs = _NOTHING, _NOTHING, {}
         if outputs is not None:
             values = np.frombuffer(outputs)
-            named = zip(self._output_names, values[FIRST_OTHER:-1].tolist(), strict=True)
+            named = zip(self.output_names, values[FIRST_OTHER:-1].tolist(), strict=True)
             result.other_outputs = dict(named) if step is None else step.other_outputs
             if result.quality.has_coefficients:
                 result.coefficients, result.coefficients_std = values[:5], values[5:10]
@@ -601,7 +592,7 @@ class Machine:
         output, self._is_stepped[0] = self._output, True
         output[:5], output[5:10] = step.coefficients, step.coefficients_std
         output[10], output[-1] = step.chi_square, step.health
-        output[FIRST_OTHER:-1] = [step.other_outputs.get(name, nan) for name in self._output_names]
+        output[FIRST_OTHER:-1] = [step.other_outputs.get(name, nan) for name in self.output_names]
         return step
 
     def _frames(self, compose: Callable[..., int], *now: Any, kinds: Iterable[int]) -> list[Frame]:

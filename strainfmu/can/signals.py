@@ -18,7 +18,7 @@ from strainfmu.cosim.estimators.exchange import ESTIMATOR, EXCHANGE
 from strainfmu.errors import InputError
 from strainfmu.estimator.core import NoCoreError, library
 
-VERSION = 7
+VERSION = 8
 """``SB_VERSION`` of the library that this file calls."""
 
 
@@ -85,7 +85,7 @@ BRIDGE = _record(
     (_ADDRESS, "plan state estimator place output frame signal source counter data other step value"),
     (_ADDRESS, "key slot has_come heard queue"),
     ("V136", "last"),
-    (_NUMBER, "last_step pressure"),
+    (_NUMBER, "last_step pressure alarm"),
     (
         _WORD,
         "n_outputs n_frames n_others mask score configuration needs_pressure health n_gauges is_stepped n_keys",
@@ -128,10 +128,9 @@ def _check_sizes(native: ctypes.PyDLL) -> None:
     """Compare the records with the library's, and keep the places of the state's parts."""
     size = np.zeros(14, dtype=np.int64)
     native.sb_sizes(pointer(size))
-    native.sb_bridge_sizes(pointer(size[8:]))
     records = (SIGNAL, SLOT, PLAN, RESULT, ACCOUNT, FRAME, BRIDGE, ESTIMATOR, EXCHANGE, LOGGED, QUEUE)
-    assert [*size[:5].tolist(), *size[8:].tolist()] == [record.itemsize for record in records], size
-    PLACES.update(zip(("result", "account", "parts"), size[5:8].tolist(), strict=True))
+    assert size[:11].tolist() == [record.itemsize for record in records], size
+    PLACES.update(zip(("result", "account", "parts"), size[11:].tolist(), strict=True))
 
 
 def pointer(array: NDArray[Any]) -> Any:

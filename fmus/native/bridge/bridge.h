@@ -1,9 +1,30 @@
-/* What a bridge on a computer does in every cycle around the machine of the bus. */
+/* What a bridge does in every cycle around the machine of the bus, on a computer and as an ECU: frames in, a step of the
+   estimator, its answer, frames out. */
 
 #ifndef BRIDGE_H
 #define BRIDGE_H
 
-#include "../network/results.h"
+#include "../bus/bus.h"
+
+enum { OF_RESULT, OF_STATUS, OF_DETAIL }; /* kinds of a frame that is sent */
+
+/* Values of the frames of a result, of the details and of the status, as strainfmu/can/result_frames.py lists them. */
+enum {
+    R_COEFFICIENTS = 2, R_SIGMA = 7, R_QUALITY = 12, R_HEALTH, R_USABLE, R_SAMPLE_TIME, R_CHI_SQUARE, R_AGE, R_CAUSES,
+    R_GAUGES, R_ANSWERED, R_CONFIGURATION, R_PRESSURE, R_SCORE, R_OTHERS
+};
+enum { D_QUALITY = 2, D_CAUSES, D_USABLE, D_UNCERTAINTY, D_ANSWERED, N_DETAILS };
+enum { S_LAST = 2, S_COUNTS = 7, S_COUNTS_16 = 12, S_AGE = 17, S_AGE_16, S_QUALITY, S_BUS, S_FAILURES, S_REOPENED, S_DRIFT,
+       S_SCORE, S_CONFIGURATION, N_STATUS };
+enum { N_LOADS_SENT = 5, N_REAL_LOADS = 10 }; /* coefficients; with their standard deviations */
+
+/* What the status says of the results so far. */
+typedef struct {
+    double loads[N_LOADS_SENT], ready, age;       /* of the last one that is VALID or UNPROTECTED; [s] */
+    double score, detail[N_DETAILS];              /* of the last one */
+    uint64_t results;
+    int32_t has_last, has_valid;
+} SbLast;
 
 /* Variables of an FMU (FMI 2.0) that one call moves, from the inputs or to the outputs. */
 typedef struct {
@@ -53,13 +74,13 @@ typedef struct {
     const int32_t *other;                         /* (n_others,) loads behind the five: place in the outputs */
     const double *step;                           /* and in which each is rounded up */
     double *value;                                /* of the frames */
-    const uint32_t *key;                          /* (n_keys,) of the input */
-    const int32_t *slot;                          /* and the first slot of each */
+    const uint32_t *key;                          /* (n_keys,) of the input, and of the frames that bridges send */
+    const int32_t *slot;                          /* and the first slot of each, -1 of those */
     uint8_t *has_come;                            /* (n_keys,) */
     SbLogged *heard;                              /* the frame that is offered, without its data */
     SbQueue *queue;                               /* NULL without a recorder */
     SbLast last;
-    double last_step, pressure;                   /* [s], NaN before the first; used [Pa] */
+    double last_step, pressure, alarm;            /* [s], NaN before the first; used [Pa]; of a second bridge [s] */
     int32_t n_outputs, n_frames, n_others, mask, score, configuration; /* places: of the first mask, 0 for none; -1 for none */
     int32_t needs_pressure, health, n_gauges, is_stepped, n_keys;
     int32_t bus_state, send_failures, reconnects; /* what the status says of the bus */
@@ -69,9 +90,10 @@ typedef struct {
 SB_API int sb_step(SbEstimator *estimator, const double *size);
 
 /* Take in the frame of which `heard` holds all but the data: as sb_take, and SB_OTHER of one that is no data frame of the
-   input. It waits for the recorder then. */
+   input, which sb_refuse puts into the class that it returns. It waits for the recorder then. */
 enum { SB_OTHER = SB_AUTHENTICATE + 1 };
 SB_API int sb_hear(SbBridge *bridge, const uint8_t *data);
+SB_API int sb_refuse(SbBridge *bridge, const uint8_t *data);
 
 /* Have a frame wait for the recorder. */
 SB_API void sb_log(SbQueue *queue, const SbLogged *frame, const uint8_t *data);
@@ -89,7 +111,17 @@ SB_API int sb_compose(SbBridge *bridge);
 /* Compose the frames of the status at `now`, and those of the details of the last result. */
 SB_API int sb_compose_status(SbBridge *bridge, const double *now);
 
-/* Bytes of the records, for the caller to compare with its own. */
-SB_API void sb_bridge_sizes(int64_t size[6]);
+/* Bytes of the records, for the caller to compare with its own, and places of the state's parts. */
+SB_API void sb_sizes(int64_t size[14]);
+
+/* --- for frames that are sent later --------------------------------------------------------------------------------- */
+
+/* Values of the frames of a result; those of its details are behind them, which go where a cause above bit 15 needs them. */
+void result_of(SbBridge *bridge, double *value);
+double *details_in(const SbBridge *bridge, double *value);
+int has_details(uint32_t causes);
+
+/* Compose the frames of a kind of their values, each with the next counter: -1, or the frame that cannot hold a value. */
+int compose_frames(const SbBridge *bridge, int kind, const double *value);
 
 #endif

@@ -26,7 +26,7 @@
 #define SB_API
 #endif
 
-#define SB_VERSION 7
+#define SB_VERSION 8
 
 /* --- the plan ------------------------------------------------------------------------------------------------------ */
 
@@ -262,9 +262,6 @@ typedef struct {
 
 SB_API int64_t sb_version(void);
 
-/* Bytes of the tables' entries and of the state's head, for the caller to compare with its own. */
-SB_API void sb_sizes(int64_t size[8]);
-
 /* Bytes of the state for a plan. */
 SB_API int64_t sb_size(const SbPlan *plan);
 SB_API void sb_begin(const SbPlan *plan, SbState *state, double start);
@@ -307,6 +304,17 @@ SB_API void sb_physical(const SbSignal *signal, int count, const int64_t *raw, d
 SB_API int sb_encode(const SbSignal *signal, int count, const double *value, int counter, const SbSlot *protection,
                      uint8_t *data, int n_bytes);
 
+/* A frame that is composed, and its signals in tables of all frames. */
+typedef struct {
+    uint32_t identifier;
+    int32_t is_extended, is_fd, length, kind, modulus, first, n_signals;
+    SbSlot protection;
+} SentFrame;
+
+enum { MOST_SIGNALS = 512, MOST_BYTES = 64 }; /* a bit each */
+
+#define EXTENDED_FLAG 0x80000000u /* of an identifier with 29 bits, in a key */
+
 /* --- between the files ------------------------------------------------------------------------------------------------ */
 
 uint16_t frame_crc(const SbSlot *slot, const uint8_t *data, int n, const uint8_t *covered, int n_covered);
@@ -320,8 +328,10 @@ void e2e_add(SbSlotState *slot, int status);
 int e2e_is_trusted(const SbPlan *plan, const SbState *state, int slot);
 int session_is_new(const SbPlan *plan, SbState *state, int session, double time);
 void settle(SbState *state, int kind, double time);
+void settle_open(SbState *state, int kind, double time); /* of the open cycle */
 
 void close_cycle(const SbPlan *plan, SbState *state, double now);
+uint32_t causes_of_others(const SbState *state, double now);
 void forget_sender(const SbPlan *plan, SbState *state);
 
 /* What the sender has heard: when it was ready here, and for how long it was known when the strains were sampled [s]. */
@@ -350,5 +360,27 @@ static inline double *strain_of(const SbState *s) { return at(s, s->strain_at); 
 static inline uint8_t *valid_of(const SbState *s) { return at(s, s->valid_at); }
 static inline uint8_t *reason_of(const SbState *s) { return at(s, s->reason_at); }
 static inline uint8_t *data_of(const SbState *s) { return at(s, s->data_at); }
+
+/* A signal of strain in its frame; the next one of a plan, from {0} on. */
+typedef struct {
+    int slot, k;
+    const SbSlot *frame;
+    const SbSignal *signal;
+    SbSlotState *state;                           /* of the frame */
+    SbGauge *gauge;
+} Reading;
+
+static inline int next_reading(const SbPlan *p, const SbState *s, Reading *r) {
+    for (; r->slot < p->n_slots; r->slot++, r->k = 0) {
+        r->frame = &p->slot[r->slot];
+        if (r->frame->kind <= SB_HELD && r->k < r->frame->n_signals) {
+            r->signal = &p->signal[r->frame->first + r->k++];
+            r->state = &slots_of(s)[r->slot];
+            r->gauge = &gauges_of(s)[r->signal->target];
+            return 1;
+        }
+    }
+    return 0;
+}
 
 #endif

@@ -46,9 +46,8 @@ static int check_trailer(const SbPlan *p, SbState *s, uint32_t missing) {
     if (of_state && frame_crc(t, data, t->length, strains - of_state, n_covered) != stated) {
         n_covered = n_strains;
         state->here = 0;
-        s->account.pending--;
         s->n_open--;
-        settle(s, SB_UNVERIFIED, s->first);
+        settle_open(s, SB_UNVERIFIED, s->first);
     }
     const uint8_t *covered = strains - (n_covered - n_strains);
     if (frame_crc(t, data, t->length, covered, n_covered) != stated) {
@@ -234,28 +233,20 @@ static uint32_t add_repeats(const SbPlan *p, SbState *s, double repeated, double
 static uint32_t find_valid(const SbPlan *p, SbState *s, int why) {
     uint32_t causes = 0;
     int n_used = 0;
-    for (int i = 0; i < p->n_slots; i++) {
-        const SbSlot *t = &p->slot[i];
-        const SbSlotState *q = &slots_of(s)[i];
-        if (t->kind > SB_HELD) {
-            continue;
+    for (Reading r = {0}; next_reading(p, s, &r);) {
+        const int g = r.signal->target, trusted = e2e_is_trusted(p, s, r.slot);
+        uint8_t *reason = &reason_of(s)[g];
+        if (!r.state->present) {
+            *reason = why ? (uint8_t)why : SB_NO_FRAME;
+            causes |= r.frame->kind == SB_HELD ? SB_PARTIAL : 0;
+        } else {
+            causes |= *reason != SB_IS_USED ? SB_GAUGE : 0;
+            causes |= trusted ? 0 : SB_NOT_TRUSTED;
+            *reason = why ? (uint8_t)why : trusted ? *reason : SB_FRAME_NOT_TRUSTED;
         }
-        const int trusted = e2e_is_trusted(p, s, i);
-        for (int k = t->first; k < t->first + t->n_signals; k++) {
-            const int g = p->signal[k].target;
-            uint8_t *reason = &reason_of(s)[g];
-            if (!q->present) {
-                *reason = why ? (uint8_t)why : SB_NO_FRAME;
-                causes |= t->kind == SB_HELD ? SB_PARTIAL : 0;
-            } else {
-                causes |= *reason != SB_IS_USED ? SB_GAUGE : 0;
-                causes |= trusted ? 0 : SB_NOT_TRUSTED;
-                *reason = why ? (uint8_t)why : trusted ? *reason : SB_FRAME_NOT_TRUSTED;
-            }
-            valid_of(s)[g] = *reason == SB_IS_USED;
-            strain_of(s)[g] = valid_of(s)[g] ? gauges_of(s)[g].last : NAN;
-            n_used += valid_of(s)[g];
-        }
+        valid_of(s)[g] = *reason == SB_IS_USED;
+        strain_of(s)[g] = valid_of(s)[g] ? r.gauge->last : NAN;
+        n_used += valid_of(s)[g];
     }
     s->result.n_used = n_used;
     return causes;
@@ -310,8 +301,7 @@ static void settle_frames(const SbPlan *p, SbState *s, int why) {
             }
             const int kind = s->skips ? SB_SKIPPED : why ? class_of[why] : !e2e_is_trusted(p, s, i) ? SB_UNTRUSTED
                              : is_used ? SB_USED : SB_NOT_USABLE;
-            s->account.pending--;
-            settle(s, kind, s->arrival);
+            settle_open(s, kind, s->arrival);
         }
         q->here = 0;
     }
@@ -319,65 +309,84 @@ static void settle_frames(const SbPlan *p, SbState *s, int why) {
 
 /* --- all ------------------------------------------------------------------------------------------------------------------- */
 
+/* The frame that names the cycle: its trailer, else the first of its strains; -1 for none. Its counter and its sample time
+   are the cycle's. */
+static int name_cycle(const SbPlan *p, SbState *s) {
+    const SbSlotState *q = slots_of(s);
+    int named = p->trailer >= 0 && q[p->trailer].here ? p->trailer : -1;
+    for (int i = 0; named < 0 && i < p->n_slots; i++) {
+        named = q[i].here && p->slot[i].kind == SB_STRAIN ? i : named;
+    }
+    if (named >= 0) {
+        const SbSlot *t = &p->slot[named];
+        s->result.counter = t->profile ? frame_counter(t, data_of(s) + t->data) : -1;
+        s->result.sample_time = t->sample_time >= 0 ? q[named].ticks : -1;
+    }
+    return named;
+}
+
+/* The first state that is heard: from now on results that it names prove the sender. */
+static void expect_state(SbState *s) {
+    s->expects_state = 1;
+    s->clock.is_set = s->clock.has_lower = s->has_proven = s->is_unproven = 0;
+}
+
+/* Causes that others than this sender make. */
+uint32_t causes_of_others(const SbState *s, double now) {
+    return (now <= s->alarm_until ? SB_SECOND_SENDER : 0) | (now <= s->bridge_until ? SB_SECOND_BRIDGE : 0);
+}
+
+/* The strains of a cycle: how old they are, and which may be used. `why`: a reason against all, 0 for none; if there is none,
+   age may be one. */
+static uint32_t judge_strains(const SbPlan *p, SbState *s, int named, int64_t ticks, int is_readable, int *why, double now) {
+    SbResult *r = &s->result;
+    double repeated = 0.0, doubted = 0.0;
+    const int status = read_frames(p, s, is_readable, r->sample_time, ticks >= 0);
+    const uint32_t of_gauges = gauges_check(p, s, status > WORST_STATUS, ticks, &repeated, &doubted);
+    uint32_t of_time = 0;
+    if (named >= 0) {
+        of_time = find_age(p, s, ticks, r->counter, now);
+        of_time |= is_readable ? add_repeats(p, s, repeated, doubted, ticks) : 0;
+    } else { /* the state of the sender alone */
+        r->age = r->uncertainty = NAN;
+    }
+    const int is_old = of_time & SB_OLD || (of_gauges & SB_FROZEN && s->all_frozen);
+    *why = !*why && is_old ? SB_CYCLE_OLD : *why;
+    return of_time | (of_gauges & SB_FROZEN) | (status ? SB_STATUS : 0);
+}
+
 void close_cycle(const SbPlan *p, SbState *s, double now) {
     SbResult *r = &s->result;
     uint32_t causes = s->noted | miss_frames(p, s);
     s->noted = 0;
     *r = (SbResult){.time = now, .arrival = s->arrival, .sample_time = -1, .counter = -1, .request = s->request};
-    int why = 0, named = -1;
+    int why = 0;
     if (p->trailer >= 0) {
         why = check_trailer(p, s, causes & SB_PARTIAL);
         causes |= why == SB_FRAME_NOT_TRUSTED ? SB_NOT_TRUSTED : why ? SB_CYCLE_CRC : 0;
-        named = slots_of(s)[p->trailer].here ? p->trailer : -1;
         causes |= s->noted; /* a restart that the trailer has shown */
         s->noted = 0;
     }
     s->n_open = 0;
     s->deadline = INFINITY;
-    for (int i = 0; named < 0 && i < p->n_slots; i++) {
-        named = slots_of(s)[i].here && p->slot[i].kind == SB_STRAIN ? i : named;
-    }
-    const int is_readable = !why || why == SB_FRAME_NOT_TRUSTED;
-    if (named >= 0) {
-        const SbSlot *t = &p->slot[named];
-        r->counter = t->profile ? frame_counter(t, data_of(s) + t->data) : -1;
-        r->sample_time = t->sample_time >= 0 ? slots_of(s)[named].ticks : -1;
-    }
+    const int is_readable = !why || why == SB_FRAME_NOT_TRUSTED, named = name_cycle(p, s);
     if (!s->expects_state && p->state >= 0 && slots_of(s)[p->state].here && is_readable) {
-        s->expects_state = 1;
-        s->clock.is_set = s->clock.has_lower = s->has_proven = s->is_unproven = 0;
+        expect_state(s);
     }
-    const int is_dated = is_readable && r->sample_time >= 0;
-    const int status = read_frames(p, s, is_readable, r->sample_time, is_dated);
-    double repeated = 0.0, doubted = 0.0;
-    const uint32_t of_gauges = gauges_check(p, s, status > WORST_STATUS, is_dated ? r->sample_time : -1, &repeated, &doubted);
-    if (named >= 0) {
-        uint32_t of_time = find_age(p, s, is_dated ? r->sample_time : -1, r->counter, now);
-        of_time |= is_readable ? add_repeats(p, s, repeated, doubted, is_dated ? r->sample_time : -1) : 0;
-        why = !why && of_time & SB_OLD ? SB_CYCLE_OLD : why;
-        causes |= of_time;
-    } else { /* the state of the sender alone */
-        r->age = r->uncertainty = NAN;
-    }
-    why = !why && of_gauges & SB_FROZEN && !(causes & SB_OLD) && s->all_frozen ? SB_CYCLE_OLD : why;
-    causes |= of_gauges & SB_FROZEN;
-    causes |= status ? SB_STATUS : 0;
+    const int64_t ticks = is_readable ? r->sample_time : -1;
+    causes |= judge_strains(p, s, named, ticks, is_readable, &why, now);
     causes |= find_valid(p, s, why);
-    causes |= find_flow(p, s, is_dated ? r->sample_time : -1, now);
+    causes |= find_flow(p, s, ticks, now);
     r->age += r->held;
     r->stated_pressure = stated_pressure(p, s, now);
     causes |= s->is_unproven || s->n_late > p->recovery ? SB_RESTART : 0;
     causes |= s->period_is_wrong ? SB_PERIOD : 0;
-    causes |= now <= s->alarm_until ? SB_SECOND_SENDER : 0;
-    causes |= now <= s->bridge_until ? SB_SECOND_BRIDGE : 0;
-    r->causes = causes;
+    r->causes = causes | causes_of_others(s, now);
     settle_frames(p, s, why);
     s->last_first = s->first;
     s->last_cycle = now;
     s->next_status = now + p->timeout;
-    if (s->skips) {
-        s->noted |= SB_OVERLOAD;
-    }
+    s->noted |= s->skips ? SB_OVERLOAD : 0;
 }
 
 /* --- the state ---------------------------------------------------------------------------------------------------------------- */
@@ -402,17 +411,6 @@ static int64_t lay_out(const SbPlan *p, SbState *s) {
 
 int64_t sb_version(void) {
     return SB_VERSION;
-}
-
-void sb_sizes(int64_t size[8]) {
-    size[0] = sizeof(SbSignal);
-    size[1] = sizeof(SbSlot);
-    size[2] = sizeof(SbPlan);
-    size[3] = sizeof(SbResult);
-    size[4] = sizeof(SbAccount);
-    size[5] = offsetof(SbState, result);
-    size[6] = offsetof(SbState, account);
-    size[7] = offsetof(SbState, slots_at);
 }
 
 int64_t sb_size(const SbPlan *plan) {

@@ -131,12 +131,9 @@ static int is_frozen(const Group *group) {
 
 /* Mark gauges of a frame, or of all (slot < 0), that have repeated their readings at least m times. */
 static void mark_frozen(const SbPlan *p, SbState *s, int slot, int m) {
-    for (int i = 0; i < p->n_slots; i++) {
-        const SbSlot *t = &p->slot[i];
-        const int is_meant = t->kind <= SB_HELD && (slot < 0 || i == slot) && slots_of(s)[i].present;
-        for (int k = t->first; is_meant && k < t->first + t->n_signals; k++) {
-            SbGauge *g = &gauges_of(s)[p->signal[k].target];
-            g->reason = g->run >= m && g->reason == SB_IS_USED ? SB_IS_FROZEN : g->reason;
+    for (Reading r = {0}; next_reading(p, s, &r);) {
+        if ((slot < 0 || r.slot == slot) && r.state->present && r.gauge->run >= m && r.gauge->reason == SB_IS_USED) {
+            r.gauge->reason = SB_IS_FROZEN;
         }
     }
 }
@@ -194,74 +191,81 @@ static double unchanged_for(const SbPlan *p, const SbState *s, int64_t ticks) {
     return fabs(by_clock - since) < p->cycle ? by_clock : since;
 }
 
-/* Check the gauges of the frames that are new; the reasons against them are left for find_valid, which adds the frames'.
-   `repeated` is for how long no gauge has changed where noise does not allow that, else 0 [s]; `doubted` where it hardly
-   does. */
-uint32_t gauges_check(const SbPlan *p, SbState *s, int refuse_all, int64_t ticks, double *repeated, double *doubted) {
-    SbGauge *gauge = gauges_of(s);
-    int n_running = 0, shortest = INT32_MAX, n_fresh = 0, n_present = 0, n_zero = 0;
-    double log_repeat = 0.0;
-    for (int i = 0; i < p->n_slots; i++) {
-        const SbSlot *t = &p->slot[i];
-        const SbSlotState *q = &slots_of(s)[i];
-        if (t->kind > SB_HELD || !q->present) {
+/* What a cycle's readings show together. */
+typedef struct {
+    int n_present, n_fresh, n_zero, n_running, shortest; /* frames' gauges; repetitions in a row of all */
+    double log_repeat;                                   /* ln of the probability that all repeat once */
+} Readings;
+
+/* Read the gauges of the frames that are new. */
+static Readings read_gauges(const SbPlan *p, SbState *s, int refuse_all) {
+    Readings all = {.shortest = INT32_MAX};
+    for (Reading r = {0}; next_reading(p, s, &r);) {
+        SbGauge *g = r.gauge;
+        if (!r.state->present) {
             continue;
         }
-        for (int k = t->first; k < t->first + t->n_signals; k++) {
-            const SbSignal *signal = &p->signal[k];
-            SbGauge *g = &gauge[signal->target];
-            n_present++;
-            if (q->fresh) {
-                const int64_t raw = signal_raw(signal, data_of(s) + t->data);
-                g->reason = read_gauge(p, t, g, signal, raw, refuse_all, !s->all_repeat);
-                n_fresh++;
-                if (g->is_seen && t->kind == SB_STRAIN) {
-                    shortest = g->run < shortest ? g->run : shortest;
-                    log_repeat += g->log_repeat;
-                }
-                n_running += g->run >= RUNS[0];
+        all.n_present++;
+        if (r.state->fresh) {
+            const int64_t raw = signal_raw(r.signal, data_of(s) + r.frame->data);
+            g->reason = read_gauge(p, r.frame, g, r.signal, raw, refuse_all, !s->all_repeat);
+            all.n_fresh++;
+            all.n_running += g->run >= RUNS[0];
+            if (g->is_seen && r.frame->kind == SB_STRAIN) {
+                all.shortest = g->run < all.shortest ? g->run : all.shortest;
+                all.log_repeat += g->log_repeat;
             }
-            n_zero += g->is_seen && (g->last_raw == 0 || fabs(g->last) <= ROUND_OFF);
         }
+        all.n_zero += g->is_seen && (g->last_raw == 0 || fabs(g->last) <= ROUND_OFF);
     }
+    return all;
+}
+
+/* Leave the reason against each gauge, one that heals included; the number of those without any. */
+static int state_reasons(const SbPlan *p, SbState *s, int is_dead) {
+    int n_used = 0;
+    for (Reading r = {0}; next_reading(p, s, &r);) {
+        SbGauge *g = r.gauge;
+        const int is_present = r.state->present;
+        g->reason = is_dead && is_present && g->reason == SB_IS_USED ? SB_ZERO : g->reason;
+        if (is_present && r.state->fresh) {
+            g->good = g->reason == SB_IS_USED ? g->good + (g->good < p->heal) : 0;
+            if (g->reason == SB_IS_USED) {
+                keep_pace(p, g, g->last, s->first);
+                g->reason = g->good >= p->heal ? SB_IS_USED : SB_HEALING;
+            }
+        }
+        reason_of(s)[r.signal->target] = (uint8_t)g->reason;
+        n_used += is_present && g->reason == SB_IS_USED;
+    }
+    return n_used;
+}
+
+/* For how long no gauge has changed where noise does not allow that, else 0 [s]; `doubted` where it hardly does. */
+static void find_repeats(const SbPlan *p, SbState *s, const Readings *all, int64_t ticks, double *repeated, double *doubted) {
+    const int is_read = all->shortest < INT32_MAX, is_repeated = is_read && all->shortest > 0;
+    const double since = is_repeated ? unchanged_for(p, s, ticks) : 0.0, chance = all->shortest * all->log_repeat;
+    *repeated = chance < LN_CHANCE ? since : 0.0;
+    *doubted = chance < LN_DOUBT && chance >= LN_CHANCE ? since : 0.0;
+    s->all_repeat = is_repeated && chance < LN_DOUBT;
+    if (is_read && !is_repeated) {
+        s->changed_at = s->first;
+        s->changed_ticks = ticks;
+    }
+}
+
+/* Check the gauges of the frames that are new; the reasons against them are left for find_valid, which adds the frames'. */
+uint32_t gauges_check(const SbPlan *p, SbState *s, int refuse_all, int64_t ticks, double *repeated, double *doubted) {
+    const Readings all = read_gauges(p, s, refuse_all);
     uint32_t causes = 0;
-    s->all_frozen = 0;
-    for (int r = 0; n_running >= 2 && p->stuck != 0 && r < 3; r++) {
+    for (int r = 0; all.n_running >= 2 && p->stuck != 0 && r < 3; r++) {
         causes |= find_frozen(p, s, RUNS[r]);
     }
-    const int is_dead = n_fresh && n_zero == n_present && are_dead(p, s, s->first);
-    int n_used = 0;
-    for (int i = 0; i < p->n_slots; i++) {
-        const SbSlot *t = &p->slot[i];
-        const SbSlotState *q = &slots_of(s)[i];
-        for (int k = t->first; t->kind <= SB_HELD && k < t->first + t->n_signals; k++) {
-            const int target = p->signal[k].target;
-            SbGauge *g = &gauge[target];
-            if (q->present && q->fresh) {
-                g->reason = is_dead && g->reason == SB_IS_USED ? SB_ZERO : g->reason;
-                g->good = g->reason == SB_IS_USED ? g->good + (g->good < p->heal) : 0;
-                if (g->reason == SB_IS_USED) {
-                    keep_pace(p, g, g->last, s->first);
-                    g->reason = g->good >= p->heal ? SB_IS_USED : SB_HEALING;
-                }
-            }
-            g->reason = is_dead && q->present && g->reason == SB_IS_USED ? SB_ZERO : g->reason;
-            reason_of(s)[target] = (uint8_t)g->reason;
-            n_used += q->present && g->reason == SB_IS_USED;
-        }
-    }
-    s->all_frozen = causes & SB_FROZEN && n_used == 0;
-    if (n_fresh) {
+    const int is_dead = all.n_fresh && all.n_zero == all.n_present && are_dead(p, s, s->first);
+    s->all_frozen = state_reasons(p, s, is_dead) == 0 && causes & SB_FROZEN;
+    if (all.n_fresh) {
+        find_repeats(p, s, &all, ticks, repeated, doubted);
         s->cycles += 1.0;
-        const int is_read = shortest < INT32_MAX, is_repeated = is_read && shortest > 0;
-        const double since = is_repeated ? unchanged_for(p, s, ticks) : 0.0, chance = shortest * log_repeat;
-        *repeated = chance < LN_CHANCE ? since : 0.0;
-        *doubted = chance < LN_DOUBT && chance >= LN_CHANCE ? since : 0.0;
-        s->all_repeat = is_repeated && chance < LN_DOUBT;
-        if (is_read && !is_repeated) {
-            s->changed_at = s->first;
-            s->changed_ticks = ticks;
-        }
         if (s->cycles >= s->learn_at) {
             learn(p, s);
         }

@@ -19,6 +19,11 @@ void settle(SbState *s, int kind, double time) {
     a->last[kind] = time;
 }
 
+void settle_open(SbState *s, int kind, double time) {
+    s->account.pending--;
+    settle(s, kind, time);
+}
+
 void sb_count(SbState *state, int kind, double time) {
     state->account.received++;
     settle(state, kind, time);
@@ -157,8 +162,8 @@ int e2e_count(const SbPlan *p, SbState *s, int slot, double time, const uint8_t 
 
 /* --- the sender ------------------------------------------------------------------------------------------------------ */
 
-static void forget_frame(SbSlotState *q) {
-    q->counter = q->counter_before = -1;
+/* A frame proves itself once more. */
+static void begin_checks(SbSlotState *q) {
     q->ok = q->errors = 0;
     q->state = E2E_NO_DATA;
 }
@@ -168,8 +173,7 @@ static void drop_open(const SbPlan *p, SbState *s, double time) {
     SbSlotState *q = slots_of(s);
     for (int i = 0; i < p->n_slots; i++) {
         if (q[i].here && p->slot[i].kind != SB_HELD) {
-            s->account.pending--;
-            settle(s, SB_UNFINISHED, time);
+            settle_open(s, SB_UNFINISHED, time);
         }
         q[i].here = 0;
     }
@@ -183,7 +187,8 @@ void forget_sender(const SbPlan *p, SbState *s) {
     drop_open(p, s, s->first);
     for (int i = 0; i < p->n_slots; i++) {
         if (p->slot[i].kind != SB_OF_FLOW || p->slot[i].shares_clock) {
-            forget_frame(&q[i]);
+            q[i].counter = q[i].counter_before = -1;
+            begin_checks(&q[i]);
         }
         q[i].held_since = q[i].heard = -INFINITY;
     }
@@ -232,8 +237,7 @@ void sb_restart(const SbPlan *plan, SbState *state, double now) {
     drop_open(plan, state, now);
     for (int i = 0; i < plan->n_slots; i++) {
         if (plan->slot[i].kind != SB_OF_FLOW) {
-            q[i].ok = q[i].errors = 0;
-            q[i].state = E2E_NO_DATA;
+            begin_checks(&q[i]);
         }
     }
     state->noted |= SB_BUS;
@@ -356,10 +360,8 @@ static int place_in_time(const SbPlan *p, SbState *s, const SbSlotState *q, int6
     }
     s->noted |= SB_JUMP;
     for (int i = 0; i < p->n_slots; i++) {
-        SbSlotState *other = &slots_of(s)[i];
         if (p->slot[i].kind != SB_OF_FLOW && p->slot[i].kind != SB_COMMAND) {
-            other->ok = other->errors = 0;
-            other->state = E2E_NO_DATA;
+            begin_checks(&slots_of(s)[i]);
         }
     }
     return NEXT_CYCLE;
@@ -450,32 +452,43 @@ static int is_to_be_proven(const SbSlot *t, const uint8_t *data, int n, int flag
     return t->is_secured && !(flags & SB_FLAG_AUTHENTIC) && frame_crc(t, data, n, NULL, 0) == frame_crc_in(t, data);
 }
 
+/* Class of a frame that is not looked into, or -1. */
+static int refused_at_once(const SbPlan *p, SbState *s, int slot, double time, int n, int flags) {
+    const SbSlot *t = &p->slot[slot];
+    if (n != t->length || (flags & SB_FLAG_FD ? 1 : 0) != t->is_fd) {
+        return SB_WRONG_FORMAT;
+    }
+    if (is_shed(p, &slots_of(s)[slot], t, time)) {
+        s->noted |= SB_OVERLOAD;
+        return SB_SHED;
+    }
+    return -1;
+}
+
+/* The slot of an identifier by the value of its multiplexer, -1 where it belongs to no frame of the plan. */
+static int selected_slot(const SbPlan *p, int slot, const uint8_t *data) {
+    while (slot >= 0 && p->slot[slot].selector >= 0 &&
+           signal_raw(&p->signal[p->slot[slot].selector], data) != p->slot[slot].value) {
+        slot = p->slot[slot].next;
+    }
+    return slot;
+}
+
 int sb_take(const SbPlan *plan, SbState *state, int slot, const double *now, const uint8_t *data, int n, int flags) {
     const SbPlan *p = plan;
     SbState *s = state;
     const double time = *now;
     const int is_offered_again = flags & (SB_FLAG_AUTHENTIC | SB_FLAG_FORGED | SB_FLAG_STALE);
+    int kind = -1;
     if (!is_offered_again) {
         if (sb_due(p, s, now) == SB_READY) {
             return SB_AGAIN;
         }
         s->account.received++;
-        const SbSlot *t = &p->slot[slot];
-        if (n != t->length || (flags & SB_FLAG_FD ? 1 : 0) != t->is_fd) {
-            settle(s, SB_WRONG_FORMAT, time);
-            return SB_TAKEN;
-        }
-        if (is_shed(p, &slots_of(s)[slot], t, time)) {
-            settle(s, SB_SHED, time);
-            s->noted |= SB_OVERLOAD;
-            return SB_TAKEN;
-        }
+        kind = refused_at_once(p, s, slot, time, n, flags);
     }
-    while (slot >= 0 && p->slot[slot].selector >= 0 &&
-           signal_raw(&p->signal[p->slot[slot].selector], data) != p->slot[slot].value) {
-        slot = p->slot[slot].next;
-    }
-    int kind = slot < 0 ? SB_NOT_USABLE : -1; /* the multiplexer's value belongs to no frame of the plan */
+    slot = kind < 0 ? selected_slot(p, slot, data) : slot;
+    kind = slot < 0 ? SB_NOT_USABLE : kind;
     if (kind < 0 && is_to_be_proven(&p->slot[slot], data, n, flags)) {
         if (!is_offered_again) {
             return SB_AUTHENTICATE;
@@ -484,20 +497,12 @@ int sb_take(const SbPlan *plan, SbState *state, int slot, const double *now, con
         kind = flags & SB_FLAG_FORGED ? SB_FORGED : SB_NOT_FRESH;
     }
     kind = kind < 0 ? refused_by_check(p, s, slot, time, data, n) : kind;
-    if (kind < 0) {
-        switch (p->slot[slot].kind) {
-        case SB_OF_FLOW:
-            kind = take_flow(p, s, slot, time, data);
-            break;
-        case SB_COMMAND:
-            kind = take_command(p, s, slot, time, data);
-            break;
-        case SB_HELD:
-            kind = take_held(p, s, slot, time, data);
-            break;
-        default:
-            return offer(p, s, slot, time, data);
-        }
+    switch (kind < 0 ? p->slot[slot].kind : -1) {
+    case -1: break;
+    case SB_OF_FLOW: kind = take_flow(p, s, slot, time, data); break;
+    case SB_COMMAND: kind = take_command(p, s, slot, time, data); break;
+    case SB_HELD: kind = take_held(p, s, slot, time, data); break;
+    default: return offer(p, s, slot, time, data);
     }
     settle(s, kind, time);
     return SB_TAKEN;
@@ -519,9 +524,7 @@ static void be_silent(const SbPlan *p, SbState *s, double now) {
             e2e_add(&q[i], E2E_NO_NEW_DATA);
         }
     }
-    uint32_t causes = s->noted | SB_SILENT;
-    causes |= time <= s->alarm_until ? SB_SECOND_SENDER : 0;
-    causes |= time <= s->bridge_until ? SB_SECOND_BRIDGE : 0;
+    const uint32_t causes = s->noted | SB_SILENT | causes_of_others(s, time);
     s->noted = 0;
     SbResult *r = &s->result;
     *r = (SbResult){.time = time, .arrival = NAN, .age = NAN, .uncertainty = NAN, .sample_time = -1, .counter = -1,

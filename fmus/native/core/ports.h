@@ -14,7 +14,7 @@ enum {
     PORT_BYTES = 8192, /* of the operations of a tick, of either direction */
     REPLY_BYTES = 272,
     MAX_PORTS = 8,
-    MAX_TABLES = 13
+    MAX_TABLES = 5
 };
 
 enum { PORT_RECEIVED, PORT_USED, PORT_SENT, PORT_CONFIRMED, PORT_ERRORS, PORT_LOST, N_PORT_COUNTERS };

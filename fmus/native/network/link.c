@@ -139,19 +139,14 @@ void link_end_tick(Link *link) {
     }
 }
 
-int link_send_frame(Link *link, const SentFrame *frame, const SbSignal *signal, const double *value, int counter) {
-    uint8_t arguments[CAN_FD_HEAD + 64] = {0};
+void link_send_frame(Link *link, const SentFrame *frame, const uint8_t *data) {
+    uint8_t arguments[CAN_FD_HEAD + MOST_BYTES] = {0};
     const size_t head = frame->is_fd ? CAN_FD_HEAD : CAN_HEAD;
     put_number(arguments, frame->identifier, 4);
     arguments[4] = (uint8_t)frame->is_extended;
     arguments[5] = (uint8_t)frame->is_fd; /* the bit rate switch; not remote */
     put_number(arguments + head - 2, (uint64_t)frame->length, 2);
-    if (sb_encode(signal + frame->first, frame->n_signals, value, counter, &frame->protection, arguments + head,
-                  frame->length) >= 0) {
-        link->counter[PORT_LOST]++;
-        return 0;
-    }
+    memcpy(arguments + head, data, (size_t)frame->length);
     link_send(link, frame->is_fd ? CAN_FD_TRANSMIT : CAN_TRANSMIT, arguments, head + (size_t)frame->length);
     link->counter[PORT_SENT]++;
-    return 1;
 }

@@ -6,8 +6,8 @@
 
 #include <string.h>
 
+#include "../bus/bus.h"
 #include "../core/ports.h"
-#include "results.h"
 
 /* Codes of operations: u32 code, u32 length of all, arguments; little endian, without padding. */
 enum {
@@ -44,7 +44,6 @@ static inline uint64_t get_number(const uint8_t *from, int bytes) {
     return value;
 }
 
-#define EXTENDED_FLAG 0x80000000u
 #define TIME_ROUND_OFF 1e-9 /* [s] */
 
 /* An operation that was heard, with its arguments; of a frame its identifier, with the flag of 29 bits, and its data. */
@@ -67,8 +66,8 @@ void link_end_tick(Link *link);
 
 void link_send(Link *link, uint32_t code, const uint8_t *arguments, size_t n);
 
-/* Send a frame with the values of its signals; 0 if a value does not fit, which counts as lost. */
-int link_send_frame(Link *link, const SentFrame *frame, const SbSignal *signal, const double *value, int counter);
+/* Send a frame that is composed. */
+void link_send_frame(Link *link, const SentFrame *frame, const uint8_t *data);
 
 /* The kinds of nodes of the plant's library: the sender of a vehicle's strains, and the bus. */
 extern const NodeKind SENDER, CAN_BUS;

@@ -83,6 +83,7 @@ static void send_cycle(Node *sender, double time) {
     const SenderSource *source = sender->table[SOURCE];
     const double period = setup_of(sender)->period;
     double value[MOST_SIGNALS];
+    uint8_t data[MOST_BYTES];
     s->sampled[s->cycle % CYCLES] = time;
     for (int64_t f = 0; f < sender->setup->table[FRAME].count; f++, frame++) {
         const uint64_t every = (uint64_t)frame->kind; /* in cycles */
@@ -93,7 +94,11 @@ static void send_cycle(Node *sender, double time) {
             value[k] = value_of(sender, sent + frame->first + k, source + frame->first + k, time);
         }
         const int counter = frame->modulus > 0 ? (int)(s->cycle / every % (uint64_t)frame->modulus) : -1;
-        link_send_frame(&s->link, frame, sent, value, counter);
+        if (sb_encode(sent + frame->first, frame->n_signals, value, counter, &frame->protection, data, frame->length) < 0) {
+            link_send_frame(&s->link, frame, data);
+        } else {
+            s->link.counter[PORT_LOST]++;
+        }
     }
     s->cycle++;
     const double periods = (double)(int64_t)((time - s->begin) / period + 1e-6) + 1.0;

@@ -35,15 +35,15 @@ _STATUSES = 8
 
 
 class Record:
-    """A record of compiled code, and the arrays whose addresses it holds."""
+    """A record of compiled code, and the arrays whose addresses it holds, by the name of the field."""
 
     def __init__(self, kind: np.dtype[Any]) -> None:
         self.record = np.zeros(1, dtype=kind)
-        self._arrays: dict[str, np.ndarray] = {}
+        self.arrays: dict[str, np.ndarray] = {}
 
     def set(self, **arrays: np.ndarray) -> None:
         """Let fields be the addresses of ``arrays``."""
-        self._arrays |= arrays
+        self.arrays |= arrays
         for name, array in arrays.items():
             self.record[name] = array.ctypes.data
 

@@ -66,7 +66,7 @@ _SETUP = np.dtype(
     [
         ("guid", "S96"),
         *((name, "i4") for name in ("n_ports", "is_triggered", "can_rate", "fd_rate")),
-        ("tables", [("place", "i8"), ("count", "i8")], 13),
+        ("tables", [("place", "i8"), ("count", "i8")], 5),
     ]
 )
 """``NodeSetup`` of ``core/ports.h``."""
