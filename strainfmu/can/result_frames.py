@@ -242,7 +242,7 @@ class ResultFrames:
         first: int,
         outputs: Sequence[str],
     ) -> None:
-        frames, kinds, sources = zip(*composition(layouts), strict=True)
+        frames, kinds, sources = zip(*_composition(layouts), strict=True)
         others = other_loads(layouts)
         places = {name: FIRST_OTHER + place for place, name in enumerate(outputs)}
         data = np.zeros((len(frames), FD_LENGTHS[-1]), dtype=np.uint8)
@@ -264,13 +264,13 @@ class ResultFrames:
             self.of_kind[kind].append((frame_of(layout, b""), row[: layout.length].data))
 
 
-def composition(
+def _composition(
     layouts: Sequence[FrameLayout],
 ) -> list[tuple[FrameLayout, int, list[int]]]:
     """Return how each frame is composed.
 
     A kind, 0 of a result, 1 of the status and 2 of details, and the place of each signal's value among the values
-    of that kind, as ``fmus/native/ecu/ecu.c`` lists them.
+    of that kind, as ``fmus/native/bridge/bridge.h`` lists them.
     """
     others = [signal_name(output) for output in other_loads(layouts)]
     names = ((*_RESULT_NAMES, *others), _STATUS_NAMES, _DETAIL_NAMES)

@@ -42,6 +42,13 @@ GROUND = ("core", "estimator/numerics")
 INTERFACES = {"core/model"}
 """Headers whose functions are defined above: each model has its own."""
 
+SCREEN = 50
+"""Most lines of a function, its head included."""
+
+_BODY = re.compile(
+    r"^(?!typedef|enum|struct|static const |const |extern )\w[^\n;=]*(?:\n[ \t]+[^\n;=]*)*\{\n.*?^\}",
+    re.DOTALL | re.MULTILINE,
+)
 _INCLUDE = re.compile(r'^#include "([^"]+)"', re.MULTILINE)
 _COMMENT = re.compile(r"/\*.*?\*/|^[ \t]*#(?:[^\n]*\\\n)*[^\n]*", re.DOTALL | re.MULTILINE)
 _FUNCTION = re.compile(
@@ -198,3 +205,16 @@ def test_no_header_is_everywhere() -> None:
         if not module.startswith(GROUND) and 2 * len(users) > len(modules) - 1:
             wide.append(f"{module}: {len(users)} of {len(modules) - 1} modules")
     assert not wide, listed("headers that more than half of the modules include", wide)
+
+
+def test_a_function_fits_a_screen() -> None:
+    """Of all folders; macros are read as the functions that they make."""
+    long = [
+        f"{file.relative_to(NATIVE)}:{text[: match.start()].count(chr(10)) + 1}: {lines} lines"
+        for file in sorted(NATIVE.rglob("*.[ch]"))
+        if file.parent.name != "headers"
+        for text in [file.read_text(encoding="utf-8")]
+        for match in _BODY.finditer(text)
+        if (lines := match[0].count("\n") + 1) > SCREEN
+    ]
+    assert not long, listed(f"functions of more than {SCREEN} lines", long)
