@@ -139,6 +139,7 @@ RACK = (
     (700_541, "the clock is set by as much as frames are held, and the counter seems to have gone round"),
     (700_537, "a frozen sender behind a cycle whose counter jumped"),
     (700_623, "the clock is set back by a seventh of a cycle"),
+    (8_310_041, "the clock is set ahead in a burst of late cycles, whose last ones fit the clock of before"),
 )
 
 
