@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from builder.calibration.as_built.structure_of_test import structure_of_test
 from builder.structure.as_built.as_built_structure import AsBuiltStructure, as_built_structure
 from builder.structure.as_built.as_built_vehicle import (
     AsBuilt,
@@ -23,6 +24,12 @@ LAYOUT = "configuration_2"
 @pytest.fixture(scope="session")
 def as_built(vehicle: Vehicle) -> AsBuiltStructure:
     return as_built_structure(vehicle, LAYOUT, properties=TITANIUM, max_harmonic=12)
+
+
+@pytest.fixture(scope="session")
+def tested(vehicle: Vehicle) -> AsBuiltStructure:
+    """With all that a ground test may show."""
+    return structure_of_test(vehicle, TITANIUM, 12)
 
 
 def strain_covariances(

@@ -26,6 +26,7 @@ import numpy as np
 from builder.aero import shapes
 from builder.aero.engines import euler
 from builder.structure.fourier import strain_operator
+from strainfmu.errors import FlowReachError
 
 SOLVE_FLOW, RESPONSE_OF_ROWS = euler.solve_flow, strain_operator.response_of_rows
 PIERCED_PLACES = shapes.pierced_places
@@ -80,15 +81,21 @@ def folder_of_sources(parent: Path) -> Path:
 
 
 def cached(folder: Path, arguments: object, compute: Callable[[], Any]) -> Any:
-    """Return what was kept of ``arguments`` in ``folder``, or compute and keep it; errors are not kept."""
+    """Return what was kept of ``arguments`` in ``folder``, or compute and keep it, a flow out of reach too."""
     file = folder / sha256(pickle.dumps(arguments)).hexdigest()
-    if not file.exists():
-        result = compute()
+    if file.exists():
+        result = pickle.loads(file.read_bytes())
+    else:
+        try:
+            result = compute()
+        except FlowReachError as error:
+            result = error
         temporary = file.with_name(f"{file.name}.{os.getpid()}.{id(result)}")
         temporary.write_bytes(pickle.dumps(result))
         temporary.replace(file)
-        return result
-    return pickle.loads(file.read_bytes())
+    if isinstance(result, FlowReachError):
+        raise result
+    return result
 
 
 @contextmanager
