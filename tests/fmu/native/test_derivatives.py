@@ -37,29 +37,6 @@ def prepare(case: NativeCase, mask: bool, deviation: float) -> Fmu2:
     return fmu
 
 
-@pytest.mark.parametrize("deviation", [0.0, 4e3])
-@pytest.mark.parametrize("mask", [False, True])
-def test_against_central_differences(case: NativeCase, mask: bool, deviation: float) -> None:
-    fmu, random, unknown = prepare(case, mask, deviation), np.random.default_rng(6), VALUES
-    references = knowns(case)
-    centre = fmu.get_reals(references)
-    size = np.concatenate([case.inverse_map.noise_std, [1e4, deviation, 1.0, 1e3, 0.0, 1.0, 0.2, 0.5, 1.0]])
-    for _ in range(4):
-        direction = size * random.normal(size=len(size))
-        exact = fmu.derivative(unknown, references, direction)
-        sides = []
-        for step in (1e-5, -1e-5):
-            fmu.set_reals(references, centre + step * direction)
-            sides.append(fmu.get_reals(unknown))
-        fmu.set_reals(references, centre)
-        difference = (sides[0] - sides[1]) / 2e-5
-        # Truncation is 1e-10 of the third derivative; round-off 1e-15 / 1e-5 of the terms.
-        scale = np.abs(sides[0]) + np.abs(difference)
-        for group in (slice(0, 5), slice(5, 8), slice(8, 10)):
-            assert np.all(np.abs(exact - difference)[group] <= 1e-7 * np.linalg.norm(scale[group])), group
-    fmu.free()
-
-
 def test_gain_is_that_of_the_reference(case: NativeCase) -> None:
     fmu = prepare(case, mask=False, deviation=0.0)
     fmu.set_scalars(SETTINGS + 4, case.inverse_map.provenance.get("moment_station_m", 0.0))

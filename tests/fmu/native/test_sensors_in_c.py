@@ -9,7 +9,7 @@ import pytest
 from agreement import Sample, assert_same, estimated
 from native_case import NativeCase
 from random_map import map_of, random_model
-from raw_fmu import N_OUTPUTS, OK, VALUES, Fmu2, first_zero, of_filter, write_resource
+from raw_fmu import OK, Fmu2, first_zero, of_filter, write_resource
 from scaled_maps import NOMINAL, whole_scaled_map
 from sensor_maps import ROWS, with_sensors
 from thermal_maps import with_temperature
@@ -92,28 +92,6 @@ def test_range_of_gauges_is_not_that_of_sensors(case: NativeCase) -> None:
     sample = Sample(strain, np.ones(case.n, dtype=bool), NOMINAL, np.nan)
     give(fmu, sample)
     assert fmu.outputs()[23] == N_S
-
-
-def test_derivatives_with_sensors_and_thrust(case: NativeCase) -> None:
-    fmu, random = Fmu2(case.uri, case.n).start(), np.random.default_rng(7)
-    scale = rows_of(case.inverse_map).scale
-    references = [*range(N_OUTPUTS, N_OUTPUTS + case.n), thrust_reference(case)]
-    noise = case.inverse_map.noise_std * random.normal(size=case.n)
-    point = np.append(readings(case, case.inverse_map.mean_strain + noise, 50.0), 50.0)
-    direction = np.append(1e-6 * scale * random.normal(size=case.n), 2.0)
-    assert fmu.set_scalars(0, case.inverse_map.nominal_dynamic_pressure) == OK
-    found = fmu.derivative(VALUES, references, direction)
-    by_thrust = fmu.derivative(VALUES, references[-1:], [1.0])
-    ends = []
-    for sign in (1.0, -1.0):
-        assert fmu.set_reals(references, point + sign * direction) == OK
-        ends.append(fmu.get_reals(VALUES))
-    assert fmu.set_reals(references, point) == OK
-    found = fmu.derivative(VALUES, references, direction)
-    for group in (slice(0, 5), slice(5, 10)):
-        expected = 0.5 * (ends[0] - ends[1])[group]
-        np.testing.assert_allclose(found[group], expected, rtol=0.0, atol=1e-5 * np.abs(expected).max())
-    assert np.all(by_thrust[5:] != 0.0)
 
 
 def test_zeros_and_tare_are_those_of_gauges(case: NativeCase) -> None:
