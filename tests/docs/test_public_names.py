@@ -7,6 +7,7 @@ import doctest
 import inspect
 import re
 from collections.abc import Iterator
+from functools import cache
 from importlib import import_module
 from typing import Any
 
@@ -21,17 +22,25 @@ REFERENCE = ROOT / "docs" / "reference" / "api.md"
 
 def programs(that_run: bool = False) -> Iterator[tuple[str, str]]:
     """Yield place and text of the Python programs of the documentation, of all or of those that tests run."""
+    yield from examples()
     for page in pages():
         for snippet in snippets(page):
             if snippet.language == "python" and not (that_run and snippet.kind == "skip"):
                 yield str(snippet), snippet.text
     for path in sorted((ROOT / "docs" / "gallery_src").glob("*.py")):
         yield path.name, path.read_text("utf-8")
+
+
+@cache
+def examples() -> list[tuple[str, str]]:
+    """Return place and text of the examples in docstrings."""
+    found = []
     for path in (one for package in PACKAGES for one in sorted((ROOT / package).rglob("*.py"))):
         for node in ast.walk(ast.parse(path.read_text("utf-8"))):
             if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and (text := ast.get_docstring(node)):
-                examples = doctest.DocTestParser().get_examples(text)
-                yield f"{path.name}:{getattr(node, 'name', '')}", "".join(one.source for one in examples)
+                lines = (one.source for one in doctest.DocTestParser().get_examples(text))
+                found.append((f"{path.name}:{getattr(node, 'name', '')}", "".join(lines)))
+    return found
 
 
 def names_of_packages(text: str) -> Iterator[str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import re
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -126,11 +127,14 @@ def avoided(text: str, expressions: dict[str, str] = AVOIDED) -> dict[str, str]:
     return {word: text[max(first - 40, 0) : last + 40] for word, (first, last) in hits}
 
 
-def strings(path: Path) -> Iterator[tuple[int, str]]:
-    """Yield line and text of the docstrings and of all other strings with a space; a code span is one letter."""
-    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
-        if isinstance(node, ast.Constant) and isinstance(node.value, str) and " " in node.value.strip():
-            yield node.lineno, re.sub(r"``[^`]*``|(?::[a-z]+:)?`[^`]*`", "x", node.value)
+@cache
+def strings(path: Path) -> list[tuple[int, str]]:
+    """Return line and text of the docstrings and of all other strings with a space; a code span is one letter."""
+    return [
+        (node.lineno, re.sub(r"``[^`]*``|(?::[a-z]+:)?`[^`]*`", "x", node.value))
+        for node in ast.walk(ast.parse(path.read_text("utf-8")))
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and " " in node.value.strip()
+    ]
 
 
 def help_texts(command: str) -> Iterator[str]:

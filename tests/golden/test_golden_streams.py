@@ -57,7 +57,7 @@ BY_OTHERS = (
 TWICE = ("scaled_sensors", "scaled_parameters", "scaled_air_sources", "scaled_masses")
 """Of these, linear maps whose inputs a nonlinear one has too: they are given in the slow tests."""
 
-BY_OTHERS_IN_PYTHON = ("scaled_parameters", "air_sources", "masses")
+BY_OTHERS_IN_PYTHON = ("air_sources", "masses")
 """Of these, kinds of the Python FMU: a process starts for each, around the same core."""
 
 SHOWN: dict[tuple[str, str, str], Callable[[Results], bool]] = {

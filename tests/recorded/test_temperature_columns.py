@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from flight_fmu import N_D, random_flight, whole_map
 from recorded_case import read_csv, write_csv
 from scaled_maps import NOMINAL, scaled_map
 from thermal_maps import REFERENCE, with_temperature
@@ -102,28 +100,8 @@ def test_recorder_channels(held: InverseMap, source: Path, tmp_path: Path) -> No
     np.testing.assert_allclose(read_csv(tmp_path / "o.csv")["C_N [1]"], expected.C_N, rtol=1e-8)
 
 
-def test_nonlinear_estimator(tmp_path: Path) -> None:
-    plain = whole_map()
-    manifold = plain.manifold
-    assert manifold is not None
-    same = replace(plain, manifold=replace(manifold, gauge_covariance=plain.gauge_covariance))
-    held = with_temperature(same)
-    save_inverse_map(held, tmp_path / "map.h5")
-    flight, (_, temperature) = random_flight(held, K, seed=5), drawn(N_D)
-    strain = np.array([one.strain for one in flight])
-    pressure = np.array([one.flow["dynamic_pressure"] for one in flight])
-    headings = ["time", *held.gauge_names, "dynamic_pressure", *(f"temperature[{i + 1}]" for i in range(N_T))]
-    data = write_csv(tmp_path / "d.csv", headings, 1e-3 * np.arange(K), strain, pressure, temperature)
-    estimate_file(tmp_path / "map.h5", data, tmp_path / "o.csv")
-    tracker = Estimator(held)
-    expected = [tracker.track(s, q, temperature=t) for s, q, t in zip(strain, pressure, temperature, strict=True)]
-    np.testing.assert_allclose(
-        read_csv(tmp_path / "o.csv")["sigma.C_N [1]"], [one.coefficients_std[1] for one in expected], rtol=1e-7
-    )
-
-
 def test_filtered(held: InverseMap, source: Path, tmp_path: Path) -> None:
-    """Both kinds of map with a filter over time; it takes the temperatures of a sample, too."""
+    """A filter over time takes the temperatures of a sample, too."""
     strain, temperature = drawn(18)
     headings = ["time", *held.gauge_names, *(f"temperature[{i + 1}]" for i in range(N_T))]
     data = write_csv(tmp_path / "d.csv", headings, 1e-3 * np.arange(K), held.mean_strain + strain, temperature)
@@ -131,16 +109,6 @@ def test_filtered(held: InverseMap, source: Path, tmp_path: Path) -> None:
     assert not any("temperature" in note for note in summary.notes)
     time, linear = 1e-3 * np.arange(K), Estimator(held).filter(1.0)
     found = linear.track(held.mean_strain + strain, NOMINAL, time=time, temperature=temperature)
-    np.testing.assert_allclose(read_csv(tmp_path / "o.csv")["C_N [1]"], found.C_N, rtol=1e-7)
-    tables = with_temperature(whole_map())
-    save_inverse_map(tables, tmp_path / "tables.h5")
-    flight = random_flight(tables, K, seed=5)
-    rows = np.array([one.strain for one in flight])
-    pressure = np.array([one.flow["dynamic_pressure"] for one in flight])
-    headings = ["time", *tables.gauge_names, "dynamic_pressure", *headings[-N_T:]]
-    data = write_csv(tmp_path / "t.csv", headings, 1e-3 * np.arange(K), rows, pressure, temperature)
-    estimate_file(tmp_path / "tables.h5", data, tmp_path / "o.csv", time_constant=1.0)
-    found = Estimator(tables).filter(1.0).track(rows, pressure, time=time, temperature=temperature)
     np.testing.assert_allclose(read_csv(tmp_path / "o.csv")["C_N [1]"], found.C_N, rtol=1e-7)
 
 

@@ -11,6 +11,7 @@ from flight_maps import flight_map
 from shape_case import flown, grid_snapshots, shape_map, shape_structure, shape_vehicle
 from shape_truth import beam
 from state_estimates import state_gain, state_offset
+from sweeps import sweep
 
 from builder.trial import compared
 from builder.trial.cases import Built, Case, Plan
@@ -127,7 +128,7 @@ def few_trees(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("few_trees")
-@pytest.mark.parametrize("name", REGRESSIONS)
+@pytest.mark.parametrize("name", sweep(REGRESSIONS, ["regression tree", "gradient boosting"]))
 def test_a_regression_learns_loads_and_angles(name: str) -> None:
     """The tree without Mach number."""
     manifold, random = flight_map(), np.random.default_rng(4)
