@@ -260,7 +260,17 @@ def _added(recordings: Sequence[Divided]) -> EstimationSummary:
         summary.notes += [*summary.gaps.notes(), *recording.checks.notes(), *of_recorder]
         total.take(summary)
         total.unused = tuple(dict.fromkeys((*total.unused, *summary.unused)))
+    total.notes = _said_once(total.notes)
     return total
+
+
+def _said_once(notes: Sequence[str]) -> list[str]:
+    """Return ``notes``, each of a file, with what is the same of several files as one line."""
+    files = dict[str, dict[str, None]]()
+    for file, _, text in (note.partition(": ") for note in notes):
+        files.setdefault(text, {})[file] = None
+    of_text = [(*of_files, text) for text, of_files in files.items()]
+    return [f"{first}{f' and {len(rest)} more' if rest else ''}: {text}" for first, *rest, text in of_text]
 
 
 _NUMBERS = ("samples", "first", "last", "missing_pressure", "refused", "results", "by_coefficients")

@@ -134,17 +134,21 @@ def test_a_folder_on_two_workers_is_one_data_set(
     table = np.column_stack([1e-3 * np.arange(300), strain, pressure])
     heading = ",".join(["time", *NAMES, "dynamic_pressure"])
     np.savetxt(folder / "short.csv", table, delimiter=",", header=heading, comments="")
-    (folder / flight.name).write_bytes(flight.read_bytes())
+    for name in (flight.name, "flight 2.h5"):
+        (folder / name).write_bytes(flight.read_bytes())
     output = tmp_path / "loads.parquet"
     code, shown, errors = run(
         "estimate", str(synthetic.map_1), str(folder), "-o", str(output), "--workers", "2", "--part-rows", "16000"
     )
     assert code == 0, errors
-    assert f"written, {N + 300} samples" in " ".join(shown.split())
+    text = " ".join(shown.split())
+    assert f"written, {2 * N + 300} samples" in text
+    assert text.count("3.001 s behind row") == 1  # what holds for both stands once
+    assert " and 1 more: " in text
     on_two = pandas.read_parquet(output)
     on_one, _ = in_parts(synthetic.map_1, folder, tmp_path / "one.parquet")
     pandas.testing.assert_frame_equal(on_two, on_one, check_exact=True)
-    assert set(on_two["recording"]) == {flight.name, "short.csv"}
+    assert set(on_two["recording"]) == {flight.name, "flight 2.h5", "short.csv"}
 
 
 def test_what_is_refused_leaves_nothing(flight: Path, synthetic: SyntheticFiles, run: Any, tmp_path: Path) -> None:

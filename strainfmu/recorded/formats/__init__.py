@@ -52,12 +52,10 @@ def open_table(path: Path, reading: Reading) -> Iterator[Table]:
     StrainfmuError
         The reader of its kind is not installed.
     """
-    suffix, head = path.suffix.lower(), b""
-    if path.is_file():
-        with path.open("rb") as stream:
-            head = stream.read(_HEAD)
-    elif suffix in SUFFIXES:
-        raise InputError(f"{path}: no such file")
+    if not path.is_file():
+        raise InputError(f"{path}: {'expected a file, got a folder' if path.is_dir() else 'no such file'}")
+    with path.open("rb") as stream:
+        suffix, head = path.suffix.lower(), stream.read(_HEAD)
     chosen = [known for known in FORMATS if known[-1] and head.startswith(known[-1])]
     chosen += [known for known in FORMATS if suffix in known[-2]]
     chosen += [TEXT] if head and b"\x00" not in head else []
