@@ -211,7 +211,7 @@ static Readings read_gauges(const SbPlan *p, SbState *s, int refuse_all) {
             g->reason = read_gauge(p, r.frame, g, r.signal, raw, refuse_all, !s->all_repeat);
             all.n_fresh++;
             all.n_running += g->run >= RUNS[0];
-            if (g->is_seen && r.frame->kind == SB_STRAIN) {
+            if (g->is_seen && g->last_raw == raw && r.frame->kind == SB_STRAIN) { /* "no value" says nothing */
                 all.shortest = g->run < all.shortest ? g->run : all.shortest;
                 all.log_repeat += g->log_repeat;
             }
