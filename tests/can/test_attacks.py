@@ -107,7 +107,7 @@ def test_whatever_clocks_do_an_age_is_at_most_the_time_since_the_result_that_was
 
 
 def test_a_gauge_without_value_does_not_hide_a_frozen_sender() -> None:
-    """All others repeat their readings: nothing is used whose delay and time of freezing exceed the largest age."""
+    """All others repeat their readings: nothing is used whose delay and freezing exceed the largest age."""
     acts = [Act("freeze", 87, 114, 0.05), Act("steps with delay", 60, 93, 0.4), Act("no value", 63, 90, 0.66)]
     found = run_scenario("classic-le", 9_420_076, acts)
     assert_nothing_false(found)
