@@ -63,13 +63,14 @@ def spline_coefficients(
     """
     knots = np.concatenate([[0.0], incidence[rows]])
     parts = []
-    for m in range(values.shape[-2]):
+    for m in (slice(0, 1), slice(1, 2), slice(2, None)):  # harmonics from 2 are alike without incidence
         of_m = values[..., m, :]
-        known = at_zero is not None or m > 0
-        start = at_zero[..., 0, :] if at_zero is not None and m == 0 else np.zeros_like(of_m[:, 0])
-        along = _through(knots, _fitted(knots, incidence, of_m, start if known else None, m), m)
-        parts.append(_as_bspline(knots, along, axis=1))
-    of_incidence = np.stack(parts, axis=-2)
+        if of_m.size:
+            known = at_zero is not None or m.start > 0
+            start = at_zero[..., m, :] if at_zero is not None and m.start == 0 else np.zeros_like(of_m[:, 0])
+            fitted = _fitted(knots, incidence, of_m, start if known else None, m.start)
+            parts.append(_as_bspline(knots, _through(knots, fitted, m.start), axis=1))
+    of_incidence = np.concatenate(parts, axis=-2)
     return knots, interpolating(mach, of_incidence)
 
 
