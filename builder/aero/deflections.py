@@ -22,7 +22,7 @@ from strainfmu.arrays import FloatArray
 from strainfmu.errors import FlowReachError, InputError
 
 if TYPE_CHECKING:
-    from builder.vehicle.file import Vehicle
+    from builder.vehicle.file import FlowEntries
 
 SAME_PLACE = 1e-5
 """Of the length: how far copies of one node may lie apart."""
@@ -65,7 +65,7 @@ class Deflection:
         return sha256(self.value.tobytes() + self.shift.tobytes()).hexdigest()
 
 
-def deflections_of(vehicle: Vehicle, surface: SurfaceMesh) -> tuple[Deflection, ...]:
+def deflections_of(outside: FlowEntries, surface: SurfaceMesh) -> tuple[Deflection, ...]:
     """Return how ``surface``, from ``shape.surface``, moves with the parameters of the vehicle file.
 
     Raises
@@ -73,20 +73,20 @@ def deflections_of(vehicle: Vehicle, surface: SurfaceMesh) -> tuple[Deflection, 
     InputError
         A file is missing, or does not hold the triangles of ``shape.surface`` in their order.
     """
-    if not vehicle.conditions.parameters:
+    if not outside.parameters:
         return ()
-    shape = vehicle.shape
+    shape = outside.shape
     assert shape is not None
     assert shape.surface is not None
-    path = vehicle.beside(shape.surface)
+    path = outside.folder / shape.surface
     scale = file_scale(path, float(np.ptp(read_surface(path).point[:, 0])), shape.unit, shape.length_m)
     known = read_surface(path, scale)
     node = _nodes_of(known, surface)
     deflections = []
-    for name, entry in vehicle.conditions.parameters.items():
+    for name, entry in outside.parameters.items():
         shifts = {entry.undeflected: np.zeros((surface.n_nodes, 3))}
         for position in entry.surfaces:
-            shifts[position.value] = _shift(vehicle.beside(position.file), scale, known)[node]
+            shifts[position.value] = _shift(outside.folder / position.file, scale, known)[node]
         values = sorted(shifts)
         deflections.append(
             Deflection(name=name, value=np.array(values), shift=np.array([shifts[value] for value in values]))

@@ -16,8 +16,13 @@ from builder.aero.shapes import outer_surface
 from builder.aero.surface.mesh import grid_of, mesh_of
 from builder.campaign.snapshots import Snapshots, snapshots_on
 from builder.inverse.modes.ensemble import Ensemble, ensemble_of
-from builder.inverse.noise.flow_models import LEEWARD_PRESSURE, flow_model_errors, leeward_fields
-from builder.inverse.noise.flows_between import BETWEEN, flows_between
+from builder.inverse.noise.flow_models import (
+    LEEWARD_PRESSURE,
+    flow_model_errors,
+    leeward_fields,
+    newtonian_snapshots,
+)
+from builder.inverse.noise.flows_between import BETWEEN, SolvedFlows
 from builder.inverse.noise.hardware_errors import HardwareError, MeshError, hardware_errors, hardware_terms
 from builder.inverse.noise.inertia import inertia_errors, inertia_map, inertia_terms, strain_by_inertia
 from builder.inverse.noise.model import NoiseTerm, gauge_noise, nuisance_modes, pressure_errors
@@ -35,6 +40,7 @@ from builder.structure.gauge_checks import gauges_in_use
 from builder.structure.mapped_structure import MappedStructure
 from builder.structure.solid.checks import ELEMENT_FRACTION
 from builder.vehicle.file import Vehicle
+from builder.vehicle.map.model_form import model_form
 from builder.vehicle.map.options import Noise
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
@@ -258,17 +264,19 @@ def inverse_problem(
         terms = joined_terms(terms, errors, sensors, ensemble)
         errors = joined_errors(errors, sensors, len(z_p), ensemble)
         z_p = np.vstack([z_p, sensors.operator])
-    surface, station = structure.surface, vehicle.reference_quantities().moment_station
-    other_loads = other_load_operator(surface, vehicle.map, station)
-    loads = np.vstack([load_operator_on(surface, station), other_loads])
-    between, off, leeward = flows_between(vehicle, snapshots), None, None
+    surface, reference = structure.surface, vehicle.reference_quantities()
+    other_loads = other_load_operator(surface, vehicle.map, reference.moment_station)
+    loads = np.vstack([load_operator_on(surface, reference.moment_station), other_loads])
+    flows = SolvedFlows(snapshots=snapshots, entries=vehicle.flow_entries())
+    sizes, off, leeward = model_form(vehicle.map, vehicle.noise), None, None
     if ensemble.grid is None and vehicle.noise.model == "default":
-        leeward = leeward_fields(vehicle, snapshots, ensemble)
-        if between is not None:
-            off = between.off_the_snapshots(ensemble, vehicle.map.follows_pressure)
+        leeward = leeward_fields(flows, sizes, ensemble)
+        if flows.between is not None:
+            off = flows.between.off_the_snapshots(ensemble, vehicle.map.follows_pressure)
     for name, fields in ((BETWEEN, off), (LEEWARD_PRESSURE, leeward)):
         if fields is not None:
             terms.append(pressure_errors(name, fields, z_p, loads))
+    newtonian = newtonian_snapshots(sizes, snapshots)
     return Problem(
         ensemble=ensemble,
         strain_operator=z_p,
@@ -276,16 +284,26 @@ def inverse_problem(
         node_area=mesh_of(structure.surface).node_area,
         noise=tuple(terms),
         errors=tuple(errors),
-        with_truncated_modes=vehicle.noise.with_truncated_modes,
         entry=vehicle.map,
+        tolerances=vehicle.noise,
+        stated_sensors=vehicle.sensors,
+        reference=reference,
+        inside=vehicle.structure.internal_pressure_Pa,
+        flows=flows,
         mesh=mesh,
         sensors=sensors,
         thermal=thermal if sensors is None else with_sensor_rows(thermal, len(sensors.rows)),
         inertia=inertia,
-        between=between,
         off_the_snapshots=off,
         leeward=leeward,
-        flow_models=flow_model_errors(vehicle, snapshots, ensemble, z_p, loads),
+        flow_models=flow_model_errors(
+            sizes,
+            snapshots,
+            ensemble,
+            None if newtonian is None else ensemble_of(vehicle, newtonian),
+            z_p,
+            loads,
+        ),
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, cast
+from typing import Any, Literal, cast
 
 import numpy as np
 
@@ -13,11 +13,14 @@ from builder.inverse.modes.mode_choice import (
     MIN_STRAIN_OVER_NOISE,
     choice_record,
 )
-from builder.inverse.noise.flows_between import FlowsBetween
+from builder.inverse.noise.flows_between import SolvedFlows
 from builder.inverse.noise.hardware_errors import HardwareError, MeshError
 from builder.inverse.noise.model import NoiseModel, NoiseTerm, truncated_modes
 from builder.inverse.sensors.sensor_set import SensorSet
-from builder.vehicle.map.options import MapEntry
+from builder.vehicle.gauges.sensor_entries import Sensors
+from builder.vehicle.map.model_form import ModelForm, model_form
+from builder.vehicle.map.options import MapEntry, Noise
+from builder.vehicle.shape.shape_entries import ReferenceQuantities
 from strainfmu.arrays import FloatArray, inverse_root
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.sensors import InertiaMap, ThermalMap
@@ -49,15 +52,16 @@ class Problem:
     node_area : (n_p,) area of the nodes [m2].
     noise : terms without the truncated modes.
     errors : errors of the terms that follow the current strain.
-    with_truncated_modes : whether these count as noise.
-    entry : section [map] of the vehicle file.
+    entry, tolerances, stated_sensors : sections [map], [noise] and [sensors] of the vehicle file.
+    reference : what coefficients are referred to.
+    inside : internal pressure [Pa], or "ambient".
+    flows : the snapshots, and what more flows round the body are solved by; None where no tables are made.
     mesh : error of strain by the structure's mesh, where it is known; what counts of it is among ``errors``.
     sensors : sensors other than the strain gauges, whose rows follow the gauges'; None for none.
     thermal, inertia : modes of the wall's temperature and of inertia, which are among ``noise``; None for none.
-    between : flows between the snapshots; None where they are not known.
-    off_the_snapshots : (k, n_p) what of these is no combination of the snapshots, which is among ``noise``, see
-        :meth:`~builder.inverse.noise.flows_between.FlowsBetween.off_the_snapshots` [Pa]; None where it is not
-        counted.
+    off_the_snapshots : (k, n_p) what of flows between the snapshots is no combination of these, which is among
+        ``noise``, see :meth:`~builder.inverse.noise.flows_between.FlowsBetween.off_the_snapshots`
+        [Pa]; None where it is not counted.
     leeward : (k, n_p) error of the pressure on the leeward side, see
         :func:`~builder.inverse.noise.flow_models.leeward_fields` [Pa]; None for none.
     flow_models : terms of :mod:`builder.inverse.noise.flow_models`, which are not among ``noise``: see
@@ -70,16 +74,24 @@ class Problem:
     node_area: FloatArray
     noise: tuple[NoiseTerm, ...]
     errors: tuple[HardwareError, ...]
-    with_truncated_modes: bool
     entry: MapEntry
+    tolerances: Noise
+    reference: ReferenceQuantities
+    inside: float | Literal["ambient"]
+    flows: SolvedFlows | None = None
+    stated_sensors: Sensors | None = None
     mesh: MeshError | None = None
     sensors: SensorSet | None = None
     thermal: ThermalMap | None = None
     inertia: InertiaMap | None = None
-    between: FlowsBetween | None = None
     off_the_snapshots: FloatArray | None = None
     leeward: FloatArray | None = None
     flow_models: tuple[NoiseTerm, ...] = ()
+
+    @property
+    def model_form(self) -> ModelForm:
+        """Sizes of the model-form error."""
+        return model_form(self.entry, self.tolerances)
 
     @property
     def offset(self) -> FloatArray:
@@ -306,7 +318,7 @@ def _whole_prior(problem: Problem) -> LowRankPrior:
 def _with_truncated(
     problem: Problem, modes: PressureModes, n_states: int, strain_of_modes: FloatArray
 ) -> NoiseModel:
-    if not problem.with_truncated_modes or n_states == modes.modes.shape[1]:
+    if not problem.tolerances.with_truncated_modes or n_states == modes.modes.shape[1]:
         return NoiseModel(problem.noise)
     load_of_modes = problem.load_operator @ modes.modes
     return NoiseModel((*problem.noise, truncated_modes(strain_of_modes, load_of_modes, modes, n_states)))

@@ -33,8 +33,6 @@ from builder.manifold.parameter_slopes import (
     condition_slopes,
 )
 from builder.manifold.tables import interpolating, left_out_errors, ring_response, spline_coefficients, spline_rows
-from builder.vehicle.file import Vehicle
-from builder.vehicle.map.model_form import model_form
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
@@ -325,7 +323,7 @@ MAX_ERROR_HARMONIC = 16
 
 
 def flight_field(
-    vehicle: Vehicle, snapshots: Snapshots, problem: Problem, grid: SurfaceGrid, of_grid: FloatArray | None = None
+    snapshots: Snapshots, problem: Problem, grid: SurfaceGrid, of_grid: FloatArray | None = None
 ) -> FlightField:
     """Return the field of the tables made from ``snapshots`` on the nodes of ``grid``.
 
@@ -342,11 +340,11 @@ def flight_field(
     error = left_out_errors(flows.mach, flows.incidence, flows.amplitude[..., None], flows.of_two)[..., 0]
     n_h = min(MAX_ERROR_HARMONIC, flows.amplitude.shape[-1] - 1) + 1
     response = ring_response(problem.strain_operator, grid, n_h)
-    process, process_std = _of_process(vehicle, grid, response, process_size(vehicle, problem))
-    prior, prior_std = _of_prior(vehicle, problem, grid, n_h)
+    process, process_std = _of_process(problem, grid, response)
+    prior, prior_std = _of_prior(problem, grid, n_h)
     n_m = flows.amplitude.shape[-1]
     numerics = [error] if of_grid is None else [error, of_grid[..., :n_m]]
-    level = model_form(vehicle.map, vehicle.noise).of_overpressure * flows.overpressure()
+    level = problem.model_form.of_overpressure * flows.overpressure()
     of_level = np.zeros_like(process)
     of_level[:, 0, 0] = np.outer(level, response[:, :, 0, 0] @ level)
     covariances = {PROCESS: process, SPREAD: prior, LEVEL: of_level}
@@ -380,12 +378,10 @@ def _of_numerics(error: FloatArray, response: FloatArray) -> FloatArray:
     return np.einsum("m,qxm,qnms->xmsn", mean, error, strain, optimize=True)
 
 
-def _of_process(
-    vehicle: Vehicle, grid: SurfaceGrid, response: FloatArray, size: float
-) -> tuple[FloatArray, FloatArray]:
-    """Return the covariance with strain, and sigma (n_x,), of the Gaussian process of ``size``."""
-    entry = vehicle.map
-    along, around = gaussian_process_shapes(grid, entry)
+def _of_process(problem: Problem, grid: SurfaceGrid, response: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the covariance with strain, and sigma (n_x,), of the Gaussian process."""
+    size = process_size(problem)
+    along, around = gaussian_process_shapes(grid, problem.entry)
     ring = around @ around[0]
     n_h = response.shape[2]
     of_harmonic = np.fft.rfft(ring).real[:n_h] / len(ring) * np.where(np.arange(n_h) == 0, 1.0, 2.0)
@@ -393,12 +389,12 @@ def _of_process(
     return covariance, size * np.sqrt(np.sum(along**2, axis=1) * ring[0])
 
 
-def _of_prior(vehicle: Vehicle, problem: Problem, grid: SurfaceGrid, n_h: int) -> tuple[FloatArray, FloatArray]:
+def _of_prior(problem: Problem, grid: SurfaceGrid, n_h: int) -> tuple[FloatArray, FloatArray]:
     """Return the same of the fraction of the snapshots' spread."""
     ensemble, n_roll = problem.ensemble, grid.n_roll
     modes = rolled_modes(ensemble, None)
     pressure = float(np.average(ensemble.ambient_pressure, weights=ensemble.weight))
-    spread = model_form(vehicle.map, vehicle.noise).of_prior / pressure * modes.modes * modes.coefficient_std
+    spread = problem.model_form.of_prior / pressure * modes.modes * modes.coefficient_std
     nodes = (spread @ (problem.strain_operator @ spread).T).reshape(len(grid.x), n_roll, -1)
     angle = np.outer(np.arange(n_h), grid.roll_angle)
     waves = np.stack([np.cos(angle), np.sin(angle)], axis=1)

@@ -10,8 +10,6 @@ import numpy as np
 
 from builder.aero.surface.mesh import SurfaceMesh
 from builder.inverse.solution import Problem
-from builder.vehicle.file import Vehicle
-from builder.vehicle.map.model_form import model_form
 from builder.vehicle.map.options import MapEntry
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
@@ -79,11 +77,11 @@ def process_on_surface(mesh: SurfaceMesh, entry: MapEntry) -> FloatArray:
     return columns
 
 
-def process_size(vehicle: Vehicle, problem: Problem) -> float:
+def process_size(problem: Problem) -> float:
     """Return the standard deviation of the Gaussian process over p_inf [1]."""
     mach = np.array([condition.mach_number for condition in problem.ensemble.conditions])
     dynamic = 0.5 * HEAT_CAPACITY_RATIO * float(np.average(mach**2, weights=problem.ensemble.weight))
-    return model_form(vehicle.map, vehicle.noise).process_at(dynamic)
+    return problem.model_form.process_at(dynamic)
 
 
 TESTED = 6

@@ -27,6 +27,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.optimize import nnls
 
+from builder.aero.loads.groups import Surface
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
 from builder.inverse.modes.ensemble import Ensemble, rolled_modes
@@ -34,7 +35,7 @@ from builder.inverse.noise.error_list import PROCESS, SPREAD, by_role, error_nam
 from builder.inverse.noise.flow_models import FLOW_MODELS, LEEWARD_PRESSURE, LEVEL
 from builder.inverse.noise.hardware_errors import HardwareError
 from builder.inverse.noise.model import NoiseTerm, fixed_covariance
-from builder.inverse.problem import AnyStructure, inverse_problem, on_structure
+from builder.inverse.problem import AnyStructure, inverse_problem
 from builder.inverse.sensors.sensor_set import base_area
 from builder.inverse.solution import Problem, with_flow_models
 from builder.manifold.discrepancy import process_size, tested_shapes
@@ -42,7 +43,6 @@ from builder.manifold.parameter_slopes import FLOW_PARAMETERS, ParameterSlopes, 
 from builder.manifold.state_tables import StateTables, state_tables
 from builder.structure.as_built_kinds import Role
 from builder.vehicle.file import Vehicle
-from builder.vehicle.map.model_form import model_form
 from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, pressure_and_temperature
 from strainfmu.errors import InputError
@@ -54,18 +54,16 @@ from strainfmu.estimator.other_loads import FIVE_LOADS
 from strainfmu.estimator.reference.nonlinear import strain_covariance
 
 
-def with_base_and_friction(
-    vehicle: Vehicle, problem: Problem, mach_knots: FloatArray, coefficients: FloatArray
-) -> FloatArray:
+def with_base_and_friction(problem: Problem, mach_knots: FloatArray, coefficients: FloatArray) -> FloatArray:
     """Return ``coefficients`` (n_M + 2, n_a + 2, n, n_m, 2), base pressure and friction in the sensors' rows."""
-    sensors, entry = problem.sensors, vehicle.sensors
+    sensors, entry = problem.sensors, problem.stated_sensors
     if sensors is None or entry is None:
         return coefficients
     padded = padded_knots(mach_knots)
     first, second, third = (padded[i : len(mach_knots) + 2 + i] for i in range(1, DEGREE + 1))
     square = (first * second + second * third + first * third) / 3.0  # coefficients of M^2, by its polar form
-    area = vehicle.reference_quantities().area
-    of_base = base_area(vehicle) * (1.0 - entry.base_pressure_ratio)
+    area = problem.reference.area
+    of_base = base_area(entry, problem.reference) * (1.0 - entry.base_pressure_ratio)
     force = of_base + 0.5 * HEAT_CAPACITY_RATIO * square * area * entry.friction_C_A
     rows, n_d = sensors.per_axial_force, len(problem.strain_operator)
     out = coefficients.copy()
@@ -74,29 +72,29 @@ def with_base_and_friction(
     return out
 
 
-def base_pressure_error(vehicle: Vehicle, problem: Problem, n: int) -> dict[str, FloatArray]:
+def base_pressure_error(problem: Problem, n: int) -> dict[str, FloatArray]:
     """Return the column (n, 1) per p_inf of the base pressure's error by name, none where it moves no reading.
 
     The pressure level is part of the flight state: of the linear map's term, its spread is left out.
     """
-    sensors, entry = problem.sensors, vehicle.sensors
+    sensors, entry = problem.sensors, problem.stated_sensors
     if sensors is None or entry is None:
         return {}
     column = np.zeros((n, 1))
-    n_d, size = len(problem.strain_operator), 0.01 * entry.base_pressure_percent * base_area(vehicle)
-    column[n_d - len(sensors.rows) : n_d, 0] = size * sensors.per_axial_force
+    n_d, area = len(problem.strain_operator), base_area(entry, problem.reference)
+    column[n_d - len(sensors.rows) : n_d, 0] = 0.01 * entry.base_pressure_percent * area * sensors.per_axial_force
     return {"base pressure": column} if column.any() else {}
 
 
-def friction_error(vehicle: Vehicle, problem: Problem) -> list[HardwareError]:
+def friction_error(problem: Problem) -> list[HardwareError]:
     """Return the error of friction, which grows with q_inf, over the members of the ensemble; none where it moves
     no reading."""
-    sensors, entry, ensemble = problem.sensors, vehicle.sensors, problem.ensemble
+    sensors, entry, ensemble = problem.sensors, problem.stated_sensors, problem.ensemble
     if sensors is None or entry is None:
         return []
     n_d, n_p = problem.strain_operator.shape
     reading = np.zeros(n_d)
-    area = vehicle.reference_quantities().area
+    area = problem.reference.area
     size = entry.friction_C_A_std * ensemble.nominal_dynamic_pressure * area
     reading[n_d - len(sensors.rows) :] = size * sensors.per_axial_force
     if not reading.any():
@@ -106,7 +104,7 @@ def friction_error(vehicle: Vehicle, problem: Problem) -> list[HardwareError]:
     return [HardwareError(name="friction", operator=none, strain=of_member, common=True, with_rest=True)]
 
 
-def gains_of_sensors(vehicle: Vehicle, problem: Problem) -> dict[str, Any]:
+def gains_of_sensors(problem: Problem) -> dict[str, Any]:
     """Return a map's fields that hold errors of the sensors' gains: their own, and that shared with gauges."""
     if problem.sensors is None:
         return {}
@@ -114,7 +112,7 @@ def gains_of_sensors(vehicle: Vehicle, problem: Problem) -> dict[str, Any]:
     shared = np.array(["common gain" in row.shared for row in rows])
     return {
         "sensor_gain_std": np.array([row.gain for row in rows]),
-        "sensor_common_gain_std": np.where(shared, 0.01 * vehicle.noise.common_gain_percent, 0.0),
+        "sensor_common_gain_std": np.where(shared, 0.01 * problem.tolerances.common_gain_percent, 0.0),
     }
 
 
@@ -193,18 +191,18 @@ class FollowedError(NamedTuple):
     rest: FloatArray
 
 
-def errors_over_loads(vehicle: Vehicle, problem: Problem) -> tuple[FloatArray, list[FollowedError]]:
+def errors_over_loads(problem: Problem) -> tuple[FloatArray, list[FollowedError]]:
     """Return 1 and the five loads over p_inf S (L) of the members (n, 6), and each error over them.
 
     That is by least squares. Gains, which have fields of their own in a map, are left out.
     """
-    reference, ensemble = vehicle.reference_quantities(), problem.ensemble
+    reference, ensemble = problem.reference, problem.ensemble
     scale = reference.area * np.array([1.0, 1.0, 1.0, reference.length, reference.length])
     pressure = np.tile(ensemble.ambient_pressure, ensemble.rolls)[:, None]
     loads = ensemble.responses(problem.load_operator[FIVE_LOADS]) / pressure / scale
     c = np.hstack([np.ones((len(loads), 1)), loads])
     root, followed = np.sqrt(ensemble.member_weight)[:, None], []
-    for error in [*problem.errors, *friction_error(vehicle, problem)]:
+    for error in [*problem.errors, *friction_error(problem)]:
         if error.name in GAINS:
             continue
         strain = error.strain / pressure
@@ -213,10 +211,10 @@ def errors_over_loads(vehicle: Vehicle, problem: Problem) -> tuple[FloatArray, l
     return c, followed
 
 
-def followed_errors(vehicle: Vehicle, problem: Problem) -> dict[str, Any]:
+def followed_errors(problem: Problem) -> dict[str, Any]:
     """Return a map's fields of errors that follow strain, but for gains: of each gauge (21, n_d), and common ones
     (n_t, 6, n_d) that are estimated and considered."""
-    n_d, (c, followed) = len(problem.strain_operator), errors_over_loads(vehicle, problem)
+    n_d, (c, followed) = len(problem.strain_operator), errors_over_loads(problem)
     products, square = np.zeros((len(PAIRS), n_d)), np.zeros((len(c), n_d))
     common: dict[Role, list[FloatArray]] = {"estimated": [], "considered": []}
     for error, slope, rest in followed:
@@ -290,19 +288,17 @@ def with_manifold(
     problem = problem or inverse_problem(vehicle, snapshots, structure, nuisance)
     if problem.flow_models:
         inverse_map = build_inverse_map(vehicle, snapshots, structure, nuisance, with_flow_models(problem))
-    manifold, terms = manifold_map(vehicle, snapshots, structure, problem, nuisance)
+    manifold, terms = manifold_map(problem, structure.surface, nuisance)
     provenance = {**inverse_map.provenance, "table_error_terms": terms}
     return replace(inverse_map, manifold=manifold, provenance=provenance)
 
 
 def manifold_map(
-    vehicle: Vehicle,
-    snapshots: Snapshots,
-    structure: AnyStructure,
-    problem: Problem,
-    nuisance: Sequence[NoiseTerm] = (),
+    problem: Problem, surface: Surface, nuisance: Sequence[NoiseTerm] = ()
 ) -> tuple[ManifoldMap, list[dict[str, Any]]]:
     """Return the tables and errors of ``problem``, and what pressure off the tables strains, term by term.
+
+    ``surface`` is that of its structure, ``nuisance`` holds the other noise terms of the map.
 
     Raises
     ------
@@ -310,14 +306,14 @@ def manifold_map(
         As :func:`with_manifold`.
     """
     operator = _operator(problem)
-    inside = vehicle.structure.internal_pressure_Pa
+    inside = problem.inside
     fixed = np.zeros(len(operator)) if inside == "ambient" else -float(inside) * operator.sum(axis=1)
-    tables, terms = tables_and_errors(vehicle, on_structure(snapshots, structure), structure, problem, nuisance)
+    tables, terms = tables_and_errors(problem, surface, nuisance)
     n_d = len(problem.strain_operator)
-    coefficients = with_base_and_friction(vehicle, problem, tables.mach_knots, tables.coefficients)
+    coefficients = with_base_and_friction(problem, tables.mach_knots, tables.coefficients)
     estimated, considered = map(compressed, by_role(terms, problem.sensors is not None))
-    reference, noise = vehicle.reference_quantities(), vehicle.noise
-    low, high = (1e3 * height for height in vehicle.map.valid_altitude_km)
+    reference, noise = problem.reference, problem.tolerances
+    low, high = (1e3 * height for height in problem.entry.valid_altitude_km)
     made = ManifoldMap(
         mach_knots=tables.mach_knots,
         incidence_knots=tables.incidence_knots,
@@ -330,8 +326,8 @@ def manifold_map(
         considered_load=considered[n_d:],
         gauge_gain_std=0.01 * noise.gauge_gain_percent,
         common_gain_std=0.01 * noise.common_gain_percent,
-        **gains_of_sensors(vehicle, problem),
-        **followed_errors(vehicle, problem),
+        **gains_of_sensors(problem),
+        **followed_errors(problem),
         reference_area=reference.area,
         reference_length=reference.length,
         mach_range=tables.mach_knots[[0, -1]],
@@ -354,19 +350,15 @@ def manifold_map(
     for term in problem.flow_models:
         if term.name == FLOW_MODELS:
             terms[term.name] = term.strain_and_load(len(problem.load_operator)) / pressure
-    return made, _terms_of(vehicle, terms, problem.ensemble, n_g)
+    return made, _terms_of(problem, terms, n_g)
 
 
 def tables_and_errors(
-    vehicle: Vehicle,
-    snapshots: Snapshots,
-    structure: AnyStructure,
-    problem: Problem,
-    nuisance: Sequence[NoiseTerm] = (),
+    problem: Problem, surface: Surface, nuisance: Sequence[NoiseTerm] = ()
 ) -> tuple[StateTables, dict[str, FloatArray]]:
     """Return the tables of strains and loads of ``problem``, and columns (n_d + n_f, k) per p_inf of their errors.
 
-    Errors are by name, their squares add up to the mean one; ``snapshots`` are on the structure's nodes.
+    Errors are by name, their squares add up to the mean one; arguments as of :func:`manifold_map`.
 
     Raises
     ------
@@ -374,12 +366,12 @@ def tables_and_errors(
         The flows do not suffice for tables.
     """
     operator = _operator(problem)
-    tables = state_tables(vehicle, snapshots, structure, problem, operator)
-    terms = tables.errors | _scaled_errors(vehicle, problem, tables.process, operator)
-    terms |= _scaled_nuisance(nuisance, problem) | base_pressure_error(vehicle, problem, len(operator))
+    tables = state_tables(problem, surface, operator)
+    terms = tables.errors | _scaled_errors(problem, tables.process, operator)
+    terms |= _scaled_nuisance(nuisance, problem) | base_pressure_error(problem, len(operator))
     if problem.leeward is not None:
         terms[LEEWARD_PRESSURE] = operator @ problem.leeward.T / problem.ensemble.mean_ambient_pressure
-    level = model_form(vehicle.map, vehicle.noise).of_overpressure
+    level = problem.model_form.of_overpressure
     if level > 0.0:
         terms[LEVEL] = level * (operator @ tables.overpressure)[:, None]
     return tables, terms
@@ -409,30 +401,27 @@ def _parameters(
     )
 
 
-def _terms_of(
-    vehicle: Vehicle, terms: dict[str, FloatArray], ensemble: Ensemble, n_gauges: int
-) -> list[dict[str, Any]]:
+def _terms_of(problem: Problem, terms: dict[str, FloatArray], n_gauges: int) -> list[dict[str, Any]]:
     """Return name and rms strain over the gauges [m/m] of each of ``terms``, at the mean p_inf of the flows."""
-    pressure = ensemble.mean_ambient_pressure
+    pressure, is_measured = problem.ensemble.mean_ambient_pressure, problem.stated_sensors is not None
+    sections = {"map": problem.entry, "noise": problem.tolerances}
     return [
         {
-            **record_of(name, vehicle),
+            **record_of(name, sections, problem.model_form, is_measured),
             "rms_strain": pressure * float(np.sqrt(np.sum(columns[:n_gauges] ** 2) / n_gauges)),
         }
         for name, columns in terms.items()
     ]
 
 
-def _scaled_errors(
-    vehicle: Vehicle, problem: Problem, process: FloatArray, operator: FloatArray
-) -> dict[str, FloatArray]:
+def _scaled_errors(problem: Problem, process: FloatArray, operator: FloatArray) -> dict[str, FloatArray]:
     """Return columns (n_d + n_f, k) per p_inf: pressure off the tables and the internal pressure, by name.
 
     ``process`` (n_d + n_f, k) is the response to the Gaussian process at unit variance.
     """
-    noise, columns_of = vehicle.noise, {}
-    of_prior = model_form(vehicle.map, noise).of_prior
-    size = process_size(vehicle, problem)
+    noise, columns_of = problem.tolerances, {}
+    of_prior = problem.model_form.of_prior
+    size = process_size(problem)
     if size > 0.0:
         columns_of[PROCESS] = size * process
     if of_prior > 0.0:

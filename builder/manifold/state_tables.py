@@ -1,36 +1,26 @@
 """Tables over the flight state with the errors of their making, of a body of revolution and of any shape.
 
-Error of the flow's grid: some flows solved again on a coarser one.
-
-The grids of a campaign are seldom fine enough for an observed order of convergence: by the shock leeward of the
-body it is between -1.6 and 2.4 on the shipped vehicle. So the difference between two grids counts as one
-standard deviation, without extrapolation (Eca and Hoekstra, J. Comput. Phys. 262 (2014) 104, section 3, for such
-data). On the shipped vehicle a grid 1.5 times finer than the map's differs from it by 0.4 to 1.4 times as much.
-
-Pressure on the surface of any shape over the flight state, and how far it may be off.
-
-Snapshots of one side of a symmetric body, with their mirror images.
+The tables hold strain and loads of any shape. Errors are what flows left out show, what a coarser grid of the flow
+changes, and pressure off the tables. Of a surface without rings the pressure itself is a table too. A symmetric
+body that was solved on one side has the mirror images of its flows.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from scipy.linalg import block_diag
 
-from builder.aero.engine import FlowKey
-from builder.aero.engines.euler import EulerEngine
-from builder.aero.euler.planes import MarchingGrid
+from builder.aero.loads.groups import Surface
 from builder.aero.mapping.pressure_map import mirror_operator
 from builder.aero.surface.mesh import SurfaceMesh, grid_of, mesh_of
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.noise.error_list import GRID_REFINEMENT, INTERPOLATION, PROCESS, SPREAD, parts_of
 from builder.inverse.noise.flow_models import LEEWARD_PRESSURE, LEVEL, newtonian_snapshots
-from builder.inverse.noise.flows_between import FlowsBetween, flows_between
-from builder.inverse.problem import AnyStructure
+from builder.inverse.noise.flows_between import FlowsBetween, SolvedFlows
 from builder.inverse.solution import Problem
 from builder.manifold.condition_tables import MAX_FIELD_HARMONIC, condition_tables, flight_field, with_harmonics
 from builder.manifold.discrepancy import (
@@ -50,12 +40,10 @@ from builder.manifold.tables import (
     spline_coefficients,
     spline_rows,
 )
-from builder.vehicle.conditions.flight_conditions import flow_key
-from builder.vehicle.file import Vehicle
-from builder.vehicle.map.model_form import model_form
+from builder.vehicle.map.model_form import ModelForm
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
-from strainfmu.errors import FlowReachError, InputError
+from strainfmu.errors import InputError
 from strainfmu.estimator.map.nonlinear_map import FieldParameters, FlightField, ShapeField
 
 SIDESLIP = 2
@@ -93,7 +81,6 @@ _NEGLIGIBLE = 1e-3
 
 
 def shape_field(
-    vehicle: Vehicle,
     snapshots: Snapshots,
     problem: Problem,
     process: FloatArray,
@@ -118,9 +105,9 @@ def shape_field(
     if problem.off_the_snapshots is not None:
         variance += np.sum((problem.off_the_snapshots / problem.ensemble.mean_ambient_pressure) ** 2, axis=0)
     covariance = np.zeros((len(modes), len(problem.strain_operator)))
-    expected = model_form(vehicle.map, vehicle.noise)
+    expected = problem.model_form
     fields = [(name, modes @ columns) for name, columns in tables.errors.items()]
-    fields += [(PROCESS, process_size(vehicle, problem) * process)]
+    fields += [(PROCESS, process_size(problem) * process)]
     fields += [(SPREAD, expected.of_prior * columns) for columns in _spread(problem)]
     if problem.leeward is not None:
         fields += [(LEEWARD_PRESSURE, problem.leeward.T / problem.ensemble.mean_ambient_pressure)]
@@ -158,59 +145,24 @@ def _spread(problem: Problem) -> Iterator[FloatArray]:
         first += len(block)
 
 
-COARSER = 2.0 / 3.0
-"""Cells of the coarser grid over the campaign's, in either direction."""
-
-FEWEST_CELLS = 8
-
-
-def grid_errors(vehicle: Vehicle, snapshots: Snapshots) -> FloatArray | None:
+def grid_errors(flows: SolvedFlows) -> FloatArray | None:
     """Return (q, n_x, n_m) amplitudes of cos m(phi - phi_T) of the error of p / p_inf in q flows.
 
-    The flows are at the ends of the Mach numbers, at the smallest, the middle and the largest total incidence.
-    None where the grid of the snapshots is not known: other engines, and bodies that are not of revolution.
+    The flows are those of :attr:`~builder.inverse.noise.flows_between.SolvedFlows.grid_difference`; None where
+    these are not known.
     """
-    grid, marching = snapshots.grid, _coarser(snapshots.settings)
-    if grid is None or marching is None or not vehicle.is_axisymmetric or snapshots.engine != "euler":
+    grid, differences = flows.snapshots.grid, flows.grid_difference
+    if grid is None or not differences:
         return None
     n_m = min(MAX_FIELD_HARMONIC, (grid.n_roll - 1) // 2) + 1
-    engine = EulerEngine(vehicle.body(), marching, grid)
-    conditions, amplitudes = snapshots.conditions(), list[FloatArray]()
-    keys: list[FlowKey] = [flow_key(condition) for condition in conditions]
-    for key in _chosen(keys):
-        row = keys.index(key)
-        condition = conditions[row]
-        try:
-            coarse = engine.pressure_ratio(engine.solve(key), condition)
-        except FlowReachError:
-            continue
-        difference = snapshots.pressure[row] / condition.ambient_pressure - coarse
-        angle = grid.roll_angle - condition.leeward_roll_angle
-        amplitudes.append(cosine_amplitudes(difference.reshape(len(grid.x), -1), angle, n_m))
-    return np.array(amplitudes) if amplitudes else None
-
-
-def _chosen(keys: list[FlowKey]) -> list[FlowKey]:
-    """Return the keys at the ends of the Mach numbers, at three incidences each."""
-    chosen_keys = list[FlowKey]()
-    mach_numbers = [key[0] for key in keys]
-    for mach in dict.fromkeys((min(mach_numbers), max(mach_numbers))):
-        incidence = sorted({key[1] for key in keys if key[0] == mach})
-        chosen = dict.fromkeys((incidence[0], incidence[len(incidence) // 2], incidence[-1]))
-        chosen_keys += [(mach, incidence) for incidence in chosen]
-    return chosen_keys
-
-
-def _coarser(settings: Mapping[str, Any]) -> MarchingGrid | None:
-    """Return the grid of the snapshots with fewer cells; None where it is not known or cannot be coarser."""
-    entries = settings.get("inputs", {}).get("marching_grid")
-    if entries is None:
-        return None
-    finest = MarchingGrid(**entries)
-    cells = [round(COARSER * count) for count in (finest.n_radial, finest.n_circumferential)]
-    if min(cells) < FEWEST_CELLS:
-        return None
-    return replace(finest, n_radial=cells[0], n_circumferential=cells[1])
+    return np.array(
+        [
+            cosine_amplitudes(
+                difference.reshape(len(grid.x), -1), grid.roll_angle - condition.leeward_roll_angle, n_m
+            )
+            for condition, difference in differences
+        ]
+    )
 
 
 MIN_FLOWS = (2, 4)
@@ -248,46 +200,35 @@ class StateTables:
     slopes: ParameterSlopes | None = None
 
 
-def state_tables(
-    vehicle: Vehicle, snapshots: Snapshots, structure: AnyStructure, problem: Problem, operator: FloatArray
-) -> StateTables:
-    """Return the tables of ``operator`` (n, n_p) times pressure, internal pressure that scales taken off.
+def state_tables(problem: Problem, surface: Surface, operator: FloatArray) -> StateTables:
+    """Return the tables of ``operator`` (n, n_p) times pressure on ``surface``, less the scaling pressure inside.
 
     Raises
     ------
     InputError
         The flows do not suffice for tables.
     """
-    surface = structure.surface
-    grid = grid_of(surface)
+    grid, flows = grid_of(surface), problem.flows
+    assert flows is not None
     if grid is not None and problem.ensemble.grid is not None:
-        return _of_revolution(vehicle, snapshots, problem, operator, grid)
+        return _of_revolution(flows, problem, operator, grid)
     mesh = mesh_of(surface)
-    both = with_mirror_images(snapshots, mesh)
-    between = problem.between if both is snapshots else flows_between(vehicle, both)
-    return _of_any_shape(vehicle, both, problem, operator, mesh, between)
+    both = with_mirror_images(flows.snapshots, mesh)
+    if both is not flows.snapshots:
+        flows = replace(flows, snapshots=both)
+    return _of_any_shape(flows, problem, operator, mesh)
 
 
-def _is_vented(vehicle: Vehicle) -> bool:
-    return vehicle.structure.internal_pressure_Pa == "ambient"
-
-
-def _of_any_shape(
-    vehicle: Vehicle,
-    snapshots: Snapshots,
-    problem: Problem,
-    operator: FloatArray,
-    mesh: SurfaceMesh,
-    between: FlowsBetween | None,
-) -> StateTables:
-    entry, tables = vehicle.map, condition_tables(snapshots, operator, _is_vented(vehicle), between)
+def _of_any_shape(flows: SolvedFlows, problem: Problem, operator: FloatArray, mesh: SurfaceMesh) -> StateTables:
+    entry, snapshots, is_vented = problem.entry, flows.snapshots, problem.inside == "ambient"
+    tables = condition_tables(snapshots, operator, is_vented, flows.between)
     process = process_on_surface(mesh, entry)
     field = None
     if entry.keep_field:
-        field = shape_field(vehicle, snapshots, problem, process, tables.overpressure, between)
+        field = shape_field(snapshots, problem, process, tables.overpressure, flows.between)
 
     def of_other_flow(flow: Snapshots) -> FloatArray:
-        return condition_tables(flow, operator, _is_vented(vehicle)).coefficients
+        return condition_tables(flow, operator, is_vented).coefficients
 
     return StateTables(
         mach_knots=tables.mach_knots,
@@ -298,63 +239,62 @@ def _of_any_shape(
         overpressure=tables.overpressure,
         incidence_limit=tables.incidence_limit,
         crossflow_range=tables.crossflow_range,
-        considered=_difference(vehicle, snapshots, tables.coefficients, of_other_flow),
+        considered=_difference(problem.model_form, snapshots, tables.coefficients, of_other_flow),
         field=field,
         slopes=tables.slopes,
     )
 
 
 def _difference(
-    vehicle: Vehicle,
+    sizes: ModelForm,
     snapshots: Snapshots,
     coefficients: FloatArray,
     tables_of: Callable[[Snapshots], FloatArray],
 ) -> FloatArray | None:
     """Return the tables of newtonian flow less ``coefficients`` of ``snapshots``, at one standard deviation."""
-    newtonian = newtonian_snapshots(vehicle, snapshots)
+    newtonian = newtonian_snapshots(sizes, snapshots)
     if newtonian is None:
         return None
     newtonian_tables = with_harmonics(tables_of(newtonian), coefficients.shape[3])
-    return model_form(vehicle.map, vehicle.noise).of_newtonian * (newtonian_tables - coefficients)
+    return sizes.of_newtonian * (newtonian_tables - coefficients)
 
 
-def _of_revolution(
-    vehicle: Vehicle, snapshots: Snapshots, problem: Problem, operator: FloatArray, grid: SurfaceGrid
-) -> StateTables:
-    entry, flows = vehicle.map, flow_amplitudes(snapshots)
-    _check_flows(flows)
-    overpressure = np.repeat(flows.overpressure(), grid.n_roll)
-    if _is_vented(vehicle):
-        flows = flows.less_ambient()
-    n_m = flows.amplitude.shape[-1]
+def _of_revolution(flows: SolvedFlows, problem: Problem, operator: FloatArray, grid: SurfaceGrid) -> StateTables:
+    entry, snapshots, is_vented = problem.entry, flows.snapshots, problem.inside == "ambient"
+    amplitudes = flow_amplitudes(snapshots)
+    _check_flows(amplitudes)
+    overpressure = np.repeat(amplitudes.overpressure(), grid.n_roll)
+    if is_vented:
+        amplitudes = amplitudes.less_ambient()
+    n_m = amplitudes.amplitude.shape[-1]
     response = ring_response(operator, grid, n_m)
-    left_out, n_d = interpolation_errors(flows, response), len(problem.strain_operator)
+    left_out, n_d = interpolation_errors(amplitudes, response), len(problem.strain_operator)
     errors = {INTERPOLATION: left_out.T}
     if problem.sensors is None:
         # Flows left out show how far each gauge is off, not in which pattern: a gain that trusts it does worse.
         of_gauge = np.diag(np.linalg.norm(left_out[:, :n_d], axis=0))
         errors = {INTERPOLATION: block_diag(of_gauge, left_out[:, n_d:].T)}
-    of_grid = grid_errors(vehicle, snapshots)
+    of_grid = grid_errors(flows)
     if of_grid is not None:
         errors[GRID_REFINEMENT] = rolled_errors(of_amplitudes(of_grid[..., :n_m], response)).T
-    knots, coefficients = _tables(flows, response)
+    knots, coefficients = _tables(amplitudes, response)
     along, around = gaussian_process_shapes(grid, entry)
 
     def of_other_flow(flow: Snapshots) -> FloatArray:
-        amplitudes = flow_amplitudes(flow)
-        return _tables(amplitudes.less_ambient() if _is_vented(vehicle) else amplitudes, response)[1]
+        of_flow = flow_amplitudes(flow)
+        return _tables(of_flow.less_ambient() if is_vented else of_flow, response)[1]
 
     return StateTables(
-        mach_knots=flows.mach,
+        mach_knots=amplitudes.mach,
         incidence_knots=knots,
         coefficients=coefficients,
         errors=errors,
         process=response_of_shapes(operator, along, around),
         overpressure=overpressure,
-        incidence_limit=float(flows.incidence[-1]),
+        incidence_limit=float(amplitudes.incidence[-1]),
         crossflow_range=None,
-        considered=_difference(vehicle, snapshots, coefficients, of_other_flow),
-        field=flight_field(vehicle, snapshots, problem, grid, of_grid) if entry.keep_field else None,
+        considered=_difference(problem.model_form, snapshots, coefficients, of_other_flow),
+        field=flight_field(snapshots, problem, grid, of_grid) if entry.keep_field else None,
     )
 
 

@@ -74,7 +74,8 @@ class FlownSensors:
             kind=tuple(row.kind for row in rows),
             unit=tuple(row.unit for row in rows),
             response=response,
-            per_ambient=per_force * base_area(vehicle) * suction - inside * response[:, 0, :, 0].sum(axis=1),
+            per_ambient=per_force * base_area(entry, vehicle.reference_quantities()) * suction
+            - inside * response[:, 0, :, 0].sum(axis=1),
             per_dynamic=per_force * friction * vehicle.reference_quantities().area,
             apparent=np.array(drift) - per_force * thrust,
             std=self.std,

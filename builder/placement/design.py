@@ -12,6 +12,7 @@ import numpy as np
 from builder.aero.surface.mesh import grid_of
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.modes.ensemble import ensemble_of
+from builder.inverse.noise.flows_between import SolvedFlows
 from builder.inverse.problem import AnyStructure
 from builder.placement.candidate_strain import CandidateStrain, fourier_strain, solid_strain
 from builder.placement.candidates import (
@@ -195,10 +196,11 @@ def placement_study(
     )
     everything, kept_sites = with_gauges(offered, keep) if keep is not None else (offered, [])
     everything, layout_sites = with_gauges(everything, own_layout)
-    basis = pressure_basis(vehicle, snapshots, ensemble, errors_of_flows(vehicle, snapshots, ensemble))
+    flows = SolvedFlows(snapshots=snapshots, entries=vehicle.flow_entries())
+    basis = pressure_basis(vehicle, snapshots, ensemble, errors_of_flows(vehicle, flows, ensemble))
     parts = FlightParts(
         vehicle=vehicle,
-        snapshots=snapshots,
+        flows=flows,
         ensemble=ensemble,
         structure=structure,
         basis=basis,

@@ -18,7 +18,7 @@ from builder.aero.surface.mesh import mesh_of
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.modes.ensemble import Ensemble, rolled_modes
 from builder.inverse.noise.flow_models import leeward_fields
-from builder.inverse.noise.flows_between import flows_between
+from builder.inverse.noise.flows_between import SolvedFlows
 from builder.inverse.noise.hardware_errors import rms_ambient_pressure
 from builder.inverse.problem import AnyStructure, gauge_noise_covariance, inverse_problem
 from builder.inverse.solution import Problem, mode_choice, pressure_modes
@@ -29,6 +29,7 @@ from builder.placement.gaussian_model import GaussianModel
 from builder.placement.pressure_basis import PressureBasis
 from builder.structure.as_built_kinds import KINDS
 from builder.vehicle.file import Vehicle
+from builder.vehicle.map.model_form import model_form
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, pressure_and_temperature
 from strainfmu.estimator.map.flight_tables import LOG_PRESSURE, MACH, N_STATES, FlightTables, U, W, evaluate
@@ -61,7 +62,7 @@ class FlightParts:
 
     Attributes
     ----------
-    vehicle, snapshots, ensemble : the vehicle, its flows, and these as the map uses them.
+    vehicle, flows, ensemble : the vehicle, its flows, and these as the map uses them.
     structure : whose nodes the snapshots are on.
     basis : of pressure.
     noise_std : of a gauge [m/m].
@@ -69,7 +70,7 @@ class FlightParts:
     """
 
     vehicle: Vehicle
-    snapshots: Snapshots
+    flows: SolvedFlows
     ensemble: Ensemble
     structure: AnyStructure
     basis: PressureBasis
@@ -264,7 +265,7 @@ def flight_states(parts: FlightParts) -> FloatArray:
 
 def _nonlinear(parts: FlightParts, triangle: FloatArray) -> list[_State]:
     vehicle, basis, n_k = parts.vehicle, parts.basis.fields.T, parts.basis.fields.shape[1]
-    ensemble = parts.ensemble
+    ensemble, sizes = parts.ensemble, model_form(vehicle.map, vehicle.noise)
     problem = Problem(
         ensemble=ensemble,
         strain_operator=basis,
@@ -272,12 +273,15 @@ def _nonlinear(parts: FlightParts, triangle: FloatArray) -> list[_State]:
         node_area=mesh_of(parts.structure.surface).node_area,
         noise=(),
         errors=(),
-        with_truncated_modes=False,
         entry=vehicle.map.model_copy(update={"keep_field": False}),
-        between=flows_between(vehicle, parts.snapshots),
-        leeward=None if ensemble.grid is not None else leeward_fields(vehicle, parts.snapshots, ensemble),
+        tolerances=vehicle.noise,
+        stated_sensors=vehicle.sensors,
+        reference=vehicle.reference_quantities(),
+        inside=vehicle.structure.internal_pressure_Pa,
+        flows=parts.flows,
+        leeward=None if ensemble.grid is not None else leeward_fields(parts.flows, sizes, ensemble),
     )
-    fitted, terms = tables_and_errors(vehicle, parts.snapshots, parts.structure, problem)
+    fitted, terms = tables_and_errors(problem, parts.structure.surface)
     nothing = np.zeros((n_k + len(parts.loads), 1))
     of_inside = terms.get("internal pressure", nothing)
     inside = vehicle.structure.internal_pressure_Pa
@@ -354,7 +358,7 @@ def _linear(parts: FlightParts, triangle: FloatArray) -> list[_State]:
     loads, free = parts.loads, np.zeros(0, dtype=np.int64)
     if vehicle.map.case == 1:
         # Modes that the layout in use observes too weakly for states keep their prior, as in its map.
-        problem = inverse_problem(vehicle, parts.snapshots, parts.structure)
+        problem = inverse_problem(vehicle, parts.flows.snapshots, parts.structure)
         modes = pressure_modes(problem)
         free = np.array(mode_choice(problem, modes)[0])
     else:
@@ -365,7 +369,7 @@ def _linear(parts: FlightParts, triangle: FloatArray) -> list[_State]:
     if len(free) and not vehicle.noise.with_truncated_modes:
         fields = fields[:, free]
     all_fields = [fields]
-    all_fields += [error.T for error in errors_of_flows(vehicle, parts.snapshots, ensemble)]
+    all_fields += [error.T for error in errors_of_flows(vehicle, parts.flows, ensemble)]
     columns = np.hstack(all_fields)
     scale = coefficient_scale(ensemble.nominal_dynamic_pressure, vehicle.reference_quantities())
     goals = scale[:, None] * (loads @ columns)
@@ -386,14 +390,14 @@ def _linear(parts: FlightParts, triangle: FloatArray) -> list[_State]:
     ]
 
 
-def errors_of_flows(vehicle: Vehicle, snapshots: Snapshots, ensemble: Ensemble) -> list[FloatArray]:
+def errors_of_flows(vehicle: Vehicle, flows: SolvedFlows, ensemble: Ensemble) -> list[FloatArray]:
     """Return fields (k, n_p) of errors of flows that the linear estimator counts with flows as listed [Pa]."""
     if ensemble.grid is not None or vehicle.noise.model != "default":
         return []
-    leeward, between = leeward_fields(vehicle, snapshots, ensemble), flows_between(vehicle, snapshots)
+    leeward = leeward_fields(flows, model_form(vehicle.map, vehicle.noise), ensemble)
     errors = [] if leeward is None else [leeward]
-    if between is not None:
-        errors.append(between.off_the_snapshots(ensemble, vehicle.map.follows_pressure))
+    if flows.between is not None:
+        errors.append(flows.between.off_the_snapshots(ensemble, vehicle.map.follows_pressure))
     return errors
 
 

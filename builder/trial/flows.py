@@ -119,7 +119,9 @@ def _other_engine(vehicle: Vehicle, surface: SurfaceMesh) -> NewtonianEngine:
     if vehicle.is_axisymmetric:
         return NewtonianEngine(surface, leeward="prandtl_meyer")
     stagnation = vehicle.aerodynamics.stagnation or "rayleigh_pitot"
-    return NewtonianEngine(surface, stagnation, other_leeward(vehicle), deflections_of(vehicle, surface))
+    return NewtonianEngine(
+        surface, stagnation, other_leeward(vehicle.aerodynamics), deflections_of(vehicle.flow_entries(), surface)
+    )
 
 
 def _tangent_cones(normal: FloatArray, condition: FlightCondition) -> FloatArray:

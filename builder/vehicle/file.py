@@ -7,6 +7,7 @@ file, the entry, what was found and what is allowed. ``vehicles/ic3x.toml`` is t
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from functools import partial
 from math import pi, prod
 from pathlib import Path
@@ -14,7 +15,7 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, Field, PrivateAttr, model_validator
 
-from builder.vehicle.conditions.flight_conditions import Conditions, condition_grid
+from builder.vehicle.conditions.flight_conditions import Conditions, FlowParameter, condition_grid
 from builder.vehicle.gauges.gauge_entries import Gauges, Recorder
 from builder.vehicle.gauges.sensor_entries import Sensors
 from builder.vehicle.map.options import Calibration, MapEntry, Noise
@@ -59,6 +60,26 @@ from strainfmu.flight_condition import FlightCondition
 
 VEHICLES = Path(__file__).parents[1] / "vehicles"
 IC3X = VEHICLES / "ic3x.toml"
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FlowEntries:
+    """What a flow is solved from.
+
+    Attributes
+    ----------
+    engine : section [aerodynamics].
+    body : outer surface of a body of revolution; None of any other shape.
+    shape : section [shape]; None for a profile.
+    parameters : of the flow, by name.
+    folder : where the files lie that these name.
+    """
+
+    engine: Aerodynamics
+    body: BodyOfRevolution | None
+    shape: Shape | None
+    parameters: Mapping[str, FlowParameter]
+    folder: Path
 
 
 class Vehicle(Section):
@@ -285,6 +306,16 @@ class Vehicle(Section):
         if pieces is None:
             raise InputError(f"shape: expected a profile, which this needs, got {self.shape_kind}")
         return chain_pieces([partial(entry.segment, folder=folder) for entry in pieces])
+
+    def flow_entries(self) -> FlowEntries:
+        """Return what a flow is solved from; errors as :meth:`body`."""
+        return FlowEntries(
+            engine=self.aerodynamics,
+            body=self.body() if self.is_axisymmetric else None,
+            shape=self.shape,
+            parameters=self.conditions.parameters,
+            folder=self._folder,
+        )
 
     def reference_quantities(self) -> ReferenceQuantities:
         """Return S, L and the moment point."""

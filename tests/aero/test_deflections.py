@@ -127,9 +127,9 @@ def test_surfaces_must_hold_the_same_triangles(tmp_path: Path, finned: Vehicle, 
     ):
         write_stl(tmp_path / name, mesh.point, triangle)
         with pytest.raises(InputError, match=message):
-            deflections_of(with_file(finned, tmp_path / name), engine.surface)
+            deflections_of(with_file(finned, tmp_path / name).flow_entries(), engine.surface)
     with pytest.raises(InputError, match="no such file"):
-        deflections_of(with_file(finned, tmp_path / "none.stl"), engine.surface)
+        deflections_of(with_file(finned, tmp_path / "none.stl").flow_entries(), engine.surface)
 
 
 def with_file(vehicle: Vehicle, path: Path) -> Vehicle:

@@ -26,6 +26,7 @@ from builder.vehicle.file import IC3X, load_vehicle
 from builder.vehicle.gauges.layout import GaugeLayout
 from builder.vehicle.map.options import MapEntry, Noise
 from builder.vehicle.shape.geometry import surface_grid
+from builder.vehicle.shape.shape_entries import ReferenceQuantities
 from strainfmu.estimator.map.inverse_map import nothing_of, save_inverse_map
 
 GIB = 2**30
@@ -122,8 +123,10 @@ def field(_: Path) -> dict[str, object]:
                 load_operator=loads,
                 node_area=area,
                 noise=noise,
-                with_truncated_modes=True,
                 entry=entry,
+                tolerances=Noise(std_um_per_m=1.0),
+                reference=ReferenceQuantities(1.0, 1.0, 0.0),
+                inside="ambient",
             )
         ).field_modes.shape
         for entry in entries

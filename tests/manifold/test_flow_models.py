@@ -18,6 +18,7 @@ from builder.inverse.solution import with_flow_models
 from builder.manifold.nonlinear_build import with_manifold
 from builder.structure.fourier.fourier_model import StructuralModel
 from builder.vehicle.file import Vehicle
+from builder.vehicle.map.model_form import model_form
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.flight_tables import evaluate
 
@@ -102,7 +103,7 @@ def test_tables_of_the_difference_are_those_of_newtonian_flow_less_the_maps(
 ) -> None:
     """At one standard deviation, here half of the difference."""
     half, alone = with_entry(vehicle, discrepancy_of_newtonian_percent=50.0), with_entry(vehicle)
-    newtonian = newtonian_snapshots(half, snapshots)
+    newtonian = newtonian_snapshots(model_form(half.map, half.noise), snapshots)
     assert newtonian is not None
     made, other = (
         with_manifold(build_inverse_map(one, flows, structure), one, flows, structure).manifold
@@ -132,7 +133,7 @@ def test_the_linear_map_of_a_file_with_tables_expects_the_difference(
     """Its term has the mean square of the members' strains and loads; a linear map alone has none."""
     entry = with_entry(vehicle)
     problem = inverse_problem(entry, snapshots, structure)
-    newtonian = newtonian_snapshots(entry, snapshots)
+    newtonian = newtonian_snapshots(problem.model_form, snapshots)
     assert newtonian is not None
     off = 0.1 * (ensemble_of(entry, newtonian).pressure - problem.ensemble.pressure)
     difference = replace(problem.ensemble, pressure=off, fixed_pressure=0.0)
@@ -169,4 +170,5 @@ def test_the_linear_map_of_a_file_with_tables_expects_the_difference(
 def test_nothing_is_expected_where_nothing_is_stated_or_known(
     update: dict[str, float], settings: dict[str, str], vehicle: Vehicle, snapshots: Snapshots
 ) -> None:
-    assert newtonian_snapshots(with_entry(vehicle, **update), replace(snapshots, **settings)) is None
+    sizes = model_form(with_entry(vehicle, **update).map, vehicle.noise)
+    assert newtonian_snapshots(sizes, replace(snapshots, **settings)) is None

@@ -53,7 +53,7 @@ def test_errors_of_gauges_grow_with_incidence_as_those_of_the_flows(
 
 def check_growth(vehicle: Vehicle, problem: Problem, errors: list[HardwareError]) -> None:
     """Check the variance of every gauge against that of ``errors``, by incidence."""
-    followed = followed_errors(vehicle, problem)
+    followed = followed_errors(problem)
     products = followed["gauge_error_product"]
     common = np.concatenate([followed["common_error"], followed["considered_common"]])
     ensemble, reference = problem.ensemble, vehicle.reference_quantities()

@@ -11,6 +11,7 @@ from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map, snapshot_coefficients
 from builder.inverse.noise.error_list import GRID_REFINEMENT
 from builder.inverse.noise.flow_models import FLOW_MODELS
+from builder.inverse.noise.flows_between import SolvedFlows
 from builder.inverse.problem import inverse_problem
 from builder.inverse.solution import Problem
 from builder.manifold.discrepancy import gaussian_process_shapes
@@ -60,7 +61,7 @@ def test_the_flows_own_grid_and_interpolation_are_the_numerical_error(
 ) -> None:
     """Without a model-form error these are all that is left of the pressure off the tables."""
     alone = vehicle.model_copy(update={"map": with_entry(vehicle, **dict.fromkeys(SIZES, 0.0)).map})
-    found = with_manifold(inverse_map, alone, snapshots, structure, problem=problem)
+    found = with_manifold(inverse_map, alone, snapshots, structure, problem=replace(problem, entry=alone.map))
     names = [one["name"] for one in found.provenance["table_error_terms"]]
     assert [name for name in names if name != FLOW_MODELS] == [
         "interpolation",
@@ -77,7 +78,7 @@ def test_errors_of_interpolation_are_each_gauges_own(
     vehicle: Vehicle, structure: StructuralModel, snapshots: Snapshots, problem: Problem
 ) -> None:
     """Of the root mean square over the flows left out in turn; loads have none of them."""
-    errors = tables_and_errors(with_entry(vehicle), snapshots, structure, problem)[1]["interpolation"]
+    errors = tables_and_errors(problem, structure.surface)[1]["interpolation"]
     n_d, flows = len(problem.strain_operator), flow_amplitudes(snapshots).less_ambient()
     response = ring_response(
         np.vstack([problem.strain_operator, problem.load_operator]), snapshots.grid, flows.amplitude.shape[-1]
@@ -90,15 +91,19 @@ def test_errors_of_interpolation_are_each_gauges_own(
 
 def test_the_error_of_the_grid_is_the_difference_of_two(vehicle: Vehicle, snapshots: Snapshots) -> None:
     """At the ends of Mach number and incidence, and at the middle incidence; p / p_inf itself is about 1."""
-    found = grid_errors(vehicle, snapshots)
+
+    def errors_of(flows: Snapshots) -> np.ndarray | None:
+        return grid_errors(SolvedFlows(snapshots=flows, entries=vehicle.flow_entries()))
+
+    found = errors_of(snapshots)
     assert found is not None
     assert found.shape[:2] == (6, 40)
     size = np.sqrt(np.sum(found**2, axis=2).mean(axis=1))
     assert np.all((size > 1e-4) & (size < 0.1))
     straight = np.abs(found[[0, 3], :, 1:])  # without incidence the pressure is the same all round
     assert straight.max() < 0.01 * MarchingGrid().conical_tolerance
-    assert grid_errors(vehicle, replace(snapshots, engine="newtonian")) is None
-    assert grid_errors(vehicle, replace(snapshots, settings={})) is None
+    assert errors_of(replace(snapshots, engine="newtonian")) is None
+    assert errors_of(replace(snapshots, settings={})) is None
 
 
 def test_a_middle_mach_number_left_out_of_three_follows_the_dynamic_pressure() -> None:
@@ -213,10 +218,10 @@ def test_flows_that_do_not_suffice_are_named(
     one = mach == 5.0
     few = rows_of(snapshots, one)
     with pytest.raises(InputError, match="needs 2 Mach numbers and 4 total incidences above 0 at least, got 1"):
-        with_manifold(inverse_map, with_entry(vehicle), few, structure, problem=problem)
+        with_manifold(inverse_map, with_entry(vehicle), few, structure)
     torn = rows_of(snapshots, np.arange(len(mach)) != int(np.flatnonzero(one)[-1]))
     with pytest.raises(InputError, match="no flow at Mach number 5 and total incidence"):
-        with_manifold(inverse_map, with_entry(vehicle), torn, structure, problem=problem)
+        with_manifold(inverse_map, with_entry(vehicle), torn, structure)
 
 
 def test_between_two_mach_numbers_pressure_is_linear_per_dynamic_pressure(

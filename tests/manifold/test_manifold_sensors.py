@@ -96,7 +96,7 @@ def flights(vehicle: Vehicle, inverse_map: InverseMap, problem: Problem, held_ou
         uniform[n_g:] *= [one.follows_inside for one in sensors.rows]
         base = 1.0 - entry.base_pressure_ratio + 0.01 * entry.base_pressure_percent * random.standard_normal(n)
         friction = entry.friction_C_A + entry.friction_C_A_std * random.standard_normal(n)
-        force = base * p * base_area(vehicle) + friction * q * reference.area
+        force = base * p * base_area(entry, reference) + friction * q * reference.area
         rows[:, n_g:] += np.outer(force, sensors.per_axial_force)
     rows += np.outer(inside * p * random.standard_normal(n), uniform)
     scale = inverse_map.sensors.scale
@@ -345,7 +345,7 @@ def test_further_terms_are_those_of_the_gauges(
     inverse_map, problem = equipped
     n_g = inverse_map.n_strain_gauges
     term = NoiseTerm("warmth", 1e-6 * np.ones((n_g, 1)), scales=True)
-    wide, _ = manifold_map(with_sensors(vehicle, EVERY_KIND), snapshots, structure, problem, [term])
+    wide, _ = manifold_map(problem, structure.surface, [term])
     assert inverse_map.manifold is not None
     held = inverse_map.manifold.scaled_covariance
     added = (wide.scaled_covariance - held) / np.sqrt(np.outer(np.diagonal(held), np.diagonal(held)))

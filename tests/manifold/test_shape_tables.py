@@ -158,9 +158,9 @@ def test_the_process_goes_with_the_dynamic_pressure(mach: tuple[float, ...], siz
     flow = flown(grid_conditions(mach=mach, alpha=(0.0,), beta=(-1.0, 1.0)))
     vehicle = shape_vehicle(discrepancy_percent=None)
     problem = inverse_problem(vehicle, flow, shape_structure(flow.surface))
-    assert process_size(vehicle, problem) == pytest.approx(size, rel=1e-12)
+    assert process_size(problem) == pytest.approx(size, rel=1e-12)
     stated = shape_vehicle(discrepancy_percent=3.0)
-    assert process_size(stated, problem) == pytest.approx(0.03)
+    assert process_size(replace(problem, entry=stated.map)) == pytest.approx(0.03)
 
 
 def _loads(snapshots: Snapshots) -> np.ndarray:
@@ -287,7 +287,7 @@ def test_snapshots_that_do_not_suffice_are_named(conditions: list[FlightConditio
     vehicle, structure = shape_vehicle(), shape_structure(snapshots.surface)
     problem = inverse_problem(vehicle, snapshots, structure)
     with pytest.raises(InputError, match=message):
-        state_tables(vehicle, snapshots, structure, problem, problem.strain_operator)
+        state_tables(problem, structure.surface, problem.strain_operator)
 
 
 def test_snapshots_of_one_side_have_mirror_images() -> None:

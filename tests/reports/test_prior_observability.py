@@ -23,8 +23,9 @@ from builder.reports.page.page_tables import percent
 from builder.structure.fourier.fourier_model import StructuralModel
 from builder.structure.observability import SYMMETRIES
 from builder.vehicle.file import Vehicle
-from builder.vehicle.map.options import MapEntry
+from builder.vehicle.map.options import MapEntry, Noise
 from builder.vehicle.shape.geometry import SurfaceGrid
+from builder.vehicle.shape.shape_entries import ReferenceQuantities
 
 Parts = tuple[Vehicle, Snapshots, StructuralModel]
 
@@ -59,8 +60,10 @@ def constructed(correlated: bool, grid: SurfaceGrid = GRID) -> tuple[PriorObserv
         load_operator=np.ones((5, len(phi))),
         node_area=area,
         noise=noise,
-        with_truncated_modes=True,
         entry=entry,
+        tolerances=Noise(std_um_per_m=1.0),
+        reference=ReferenceQuantities(1.0, 1.0, 0.0),
+        inside="ambient",
     )
     # Both waves have a mean square of 1/2 over the area.
     fraction = (100.0**2 * second @ second) / (300.0**2 * first @ first + 100.0**2 * second @ second)

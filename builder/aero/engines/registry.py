@@ -98,7 +98,7 @@ def _newtonian(vehicle: Vehicle, resolution: Resolution, grid_level: str | None,
     }
     if entries.surface is None:
         surface = _noted_surface(vehicle, resolution, note)
-        return NewtonianEngine(surface, **options, deflections=deflections_of(vehicle, surface))
+        return NewtonianEngine(surface, **options, deflections=deflections_of(vehicle.flow_entries(), surface))
     path = vehicle.beside(entries.surface)
     mesh = read_surface(path, METRES[entries.surface_length_unit])
     try:

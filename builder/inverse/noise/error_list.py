@@ -29,8 +29,8 @@ from builder.inverse.noise.inertia import MASSES, THEORY, VIBRATION_MODES
 from builder.inverse.noise.inertia import NAME as INERTIA
 from builder.inverse.noise.recorder import MISMATCH, PICKUP, SCAN
 from builder.structure.as_built_kinds import IN_NOISE, Role
-from builder.vehicle.file import Vehicle
-from builder.vehicle.map.model_form import model_form
+from builder.vehicle.map.model_form import ModelForm
+from builder.vehicle.toml.toml_sections import Section
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.signal_names import TEMPERATURE
 
@@ -92,14 +92,13 @@ class MapError:
             return GAUGE_NOISE
         return _GROUP_OF_SECTION.get(self.entry.partition(".")[0], OTHER_GROUP)
 
-    def stated_size(self, vehicle: Vehicle) -> float | None:
+    def stated_size(self, sections: Mapping[str, Section], sizes: ModelForm) -> float | None:
         """Return the standard deviation in the unit of the entry; None where no one number states it."""
         if self.size:
-            value = getattr(model_form(vehicle.map, vehicle.noise), self.size)
+            value = getattr(sizes, self.size)
             return None if value is None else 100.0 * float(value)
-        value = vehicle
-        for name in filter(None, self.entry.split(".")):
-            value = getattr(value, name, None)
+        section, _, name = self.entry.partition(".")
+        value = getattr(sections.get(section), name, None)
         return float(value) if isinstance(value, int | float) else None
 
 
@@ -179,14 +178,18 @@ def by_role(terms: Mapping[str, FloatArray], is_measured: bool = False) -> tuple
     return np.hstack(blocks[0]), np.hstack(blocks[1])
 
 
-def record_of(name: str, vehicle: Vehicle) -> dict[str, Any]:
-    """Return what the provenance of a map says of the error ``name``, but how much it strains."""
+def record_of(name: str, sections: Mapping[str, Section], sizes: ModelForm, is_measured: bool) -> dict[str, Any]:
+    """Return what the provenance of a map says of the error ``name``, but how much it strains.
+
+    ``sections`` of the vehicle file state sizes, ``sizes`` are those of the model-form error, ``is_measured`` as
+    of :func:`role_of`.
+    """
     error = error_named(name)
-    size = error.stated_size(vehicle)
+    size = error.stated_size(sections, sizes)
     return {
         "name": name,
         **({"entry": error.entry} if error.entry else {}),
         **({} if size is None else {"size": size, "unit": error.unit}),
         "acts_on": error.acts_on,
-        "role": role_of(name, vehicle.sensors is not None),
+        "role": role_of(name, is_measured),
     }

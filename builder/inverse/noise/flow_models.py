@@ -19,11 +19,11 @@ import numpy as np
 from builder.aero.engines.newtonian import NewtonianEngine
 from builder.aero.surface.mesh import mesh_of
 from builder.campaign.snapshots import Snapshots
-from builder.inverse.modes.ensemble import Ensemble, ensemble_of
-from builder.inverse.noise.flows_between import same_engine
+from builder.inverse.modes.ensemble import Ensemble
+from builder.inverse.noise.flows_between import SolvedFlows
 from builder.inverse.noise.model import NoiseTerm, pressure_errors
-from builder.vehicle.file import Vehicle
-from builder.vehicle.map.model_form import model_form
+from builder.vehicle.map.model_form import ModelForm
+from builder.vehicle.model_entries import Aerodynamics
 from strainfmu.arrays import FloatArray
 
 LEEWARD_PRESSURE = "leeward pressure of newtonian flow"
@@ -33,26 +33,25 @@ MOST_FLOWS = 100
 """Conditions at most that the error is taken at; of more some are drawn."""
 
 
-def other_leeward(vehicle: Vehicle) -> str:
+def other_leeward(entry: Aerodynamics) -> str:
     """Return the leeward side of newtonian flow that is not the vehicle's own."""
-    entry = vehicle.aerodynamics
     is_expanded = entry.engine == "newtonian" and entry.leeward == "prandtl_meyer"
     return "ambient" if is_expanded else "prandtl_meyer"
 
 
-def leeward_fields(vehicle: Vehicle, snapshots: Snapshots, ensemble: Ensemble) -> FloatArray | None:
+def leeward_fields(flows: SolvedFlows, sizes: ModelForm, ensemble: Ensemble) -> FloatArray | None:
     """Return fields (k, n_p) of the error at the level of ``ensemble`` [Pa], their squares add up to the mean one.
 
     None where the snapshots are not of newtonian flow round another shape than a body of revolution, or where no
     error is stated.
     """
-    size = model_form(vehicle.map, vehicle.noise).of_leeward
-    stated_engine = same_engine(vehicle, snapshots) if size > 0.0 else None
+    size = sizes.of_leeward
+    stated_engine = flows.engine if size > 0.0 else None
     if stated_engine is None:
         return None
-    changed_engine = same_engine(vehicle, snapshots, other_leeward(vehicle))
+    changed_engine = flows.by(other_leeward(flows.entries.engine))
     assert changed_engine is not None
-    listed = snapshots.conditions()
+    listed = flows.snapshots.conditions()
     if len(listed) > MOST_FLOWS:
         chosen = np.random.default_rng(1).permutation(len(listed))[:MOST_FLOWS]
         listed = [listed[row] for row in sorted(chosen.tolist())]
@@ -70,15 +69,14 @@ FLOW_MODELS, LEVEL = "difference of flow models", "fraction of the overpressure"
 """Names of the errors, in the linear map and in the tables."""
 
 
-def newtonian_snapshots(vehicle: Vehicle, snapshots: Snapshots) -> Snapshots | None:
+def newtonian_snapshots(sizes: ModelForm, snapshots: Snapshots) -> Snapshots | None:
     """Return ``snapshots`` with the pressure of newtonian flow, Prandtl-Meyer leeward.
 
     None where no difference is stated, where the snapshots are of newtonian flow themselves, of which the leeward
     side alone is open (:func:`leeward_fields`), and where they depend on flow parameters, which this flow does not
     have.
     """
-    is_stated = model_form(vehicle.map, vehicle.noise).of_newtonian > 0.0
-    if not is_stated or snapshots.engine == "newtonian" or snapshots.parameter_names:
+    if not sizes.of_newtonian > 0.0 or snapshots.engine == "newtonian" or snapshots.parameter_names:
         return None
     engine = NewtonianEngine(mesh_of(snapshots.grid or snapshots.surface), leeward="prandtl_meyer")
     conditions = snapshots.conditions()
@@ -90,24 +88,28 @@ def newtonian_snapshots(vehicle: Vehicle, snapshots: Snapshots) -> Snapshots | N
 
 
 def flow_model_errors(
-    vehicle: Vehicle, snapshots: Snapshots, ensemble: Ensemble, strain: FloatArray, load: FloatArray
+    sizes: ModelForm,
+    snapshots: Snapshots,
+    ensemble: Ensemble,
+    newtonian: Ensemble | None,
+    strain: FloatArray,
+    load: FloatArray,
 ) -> tuple[NoiseTerm, ...]:
     """Return the terms of the level and of the difference of flow models, where these are stated.
 
     The level is a part of the mean overpressure of all Mach numbers at the smallest incidence. The difference
-    is newtonian flow less ``ensemble``, which holds ``snapshots``; its covariance is the mean over the members.
+    is ``newtonian`` less ``ensemble``, which holds ``snapshots``; its covariance is the mean over the members.
     Strain and loads follow by the operators ``strain`` (n_d, n_p), ``load`` (n_f, n_p).
     """
-    sizes, terms = model_form(vehicle.map, vehicle.noise), list[NoiseTerm]()
+    terms = list[NoiseTerm]()
     if sizes.of_overpressure > 0.0:
         incidence = np.array([condition.total_incidence for condition in snapshots.conditions()])
         ambient = np.array([condition.ambient_pressure for condition in snapshots.conditions()])
         ratio = (snapshots.pressure / ambient[:, None])[incidence <= incidence.min() + 1e-9].mean(axis=0)
         level = sizes.of_overpressure * ensemble.mean_ambient_pressure * (ratio - 1.0)
         terms.append(pressure_errors(LEVEL, level[None], strain, load))
-    newtonian = newtonian_snapshots(vehicle, snapshots)
     if newtonian is not None:
-        off = sizes.of_newtonian * (ensemble_of(vehicle, newtonian).pressure - ensemble.pressure)
+        off = sizes.of_newtonian * (newtonian.pressure - ensemble.pressure)
         difference = replace(ensemble, pressure=off, fixed_pressure=0.0)
         members = difference.responses(np.vstack([strain, load]))
         columns = (np.sqrt(difference.member_weight)[:, None] * members).T

@@ -18,6 +18,7 @@ from builder.structure.mapped_structure import MappedStructure
 from builder.vehicle.file import Vehicle
 from builder.vehicle.gauges.sensor_entries import AngularAccelerometers, InertialUnit, LoadCells, Ports, Sensors
 from builder.vehicle.shape.geometry import SurfaceGrid
+from builder.vehicle.shape.shape_entries import ReferenceQuantities
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.sensors import STRAIN, SensorRows
@@ -103,7 +104,7 @@ def sensor_set(
     rows = [*surface_rows(entry, structure.surface), *structural_rows(vehicle, structure)]
     typical = float(np.sqrt(np.median(np.diag(gauge_covariance))))
     scale = np.array([row.std for row in rows]) / typical
-    offset, terms = _nuisances(vehicle, rows, scale, ensemble)
+    offset, terms = _nuisances(entry, vehicle.reference_quantities(), rows, scale, ensemble)
     operator = np.array([row.operator for row in rows]) / scale[:, None]
     errors = _errors(rows, scale, ensemble)
     against_inside = np.array([row.follows_inside for row in rows])
@@ -326,20 +327,17 @@ def _drifts(rows: list[SensorRow], scale: FloatArray) -> list[NoiseTerm]:
     ]
 
 
-def base_area(vehicle: Vehicle) -> float:
+def base_area(entry: Sensors | None, reference: ReferenceQuantities) -> float:
     """Return the area that the base pressure acts on [m2]: the reference's where [sensors] states none."""
-    entry = vehicle.sensors
     stated = None if entry is None else entry.base_area_m2
-    return vehicle.reference_quantities().area if stated is None else stated
+    return reference.area if stated is None else stated
 
 
 def _nuisances(
-    vehicle: Vehicle, rows: list[SensorRow], scale: FloatArray, ensemble: Ensemble
+    entry: Sensors, reference: ReferenceQuantities, rows: list[SensorRow], scale: FloatArray, ensemble: Ensemble
 ) -> tuple[FloatArray, list[NoiseTerm]]:
     """Return what base pressure and friction add to the readings, and the terms of errors, thrust among them."""
-    entry = vehicle.sensors
-    assert entry is not None
-    reference, area = vehicle.reference_quantities(), base_area(vehicle)
+    area = base_area(entry, reference)
     per_force = np.array([row.per_axial_force for row in rows]) / scale
     ambient, weight = ensemble.ambient_pressure, ensemble.weight / ensemble.weight.sum()
     mean = float(weight @ ambient)

@@ -177,7 +177,7 @@ def build_report(
     response = _response(problem.strain_operator, surface, None if grid is None else grid.n_roll)
     errors = None
     if inverse_map.manifold is not None:
-        errors = named_errors(vehicle, snapshots, structure, problem, nuisance)
+        errors = named_errors(problem, structure.surface, nuisance)
     return BuildReport(
         vehicle=vehicle.name,
         layout=vehicle.gauges.layout,

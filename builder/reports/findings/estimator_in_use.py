@@ -10,21 +10,19 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from builder.campaign.snapshots import Snapshots
+from builder.aero.loads.groups import Surface
 from builder.inverse.noise.error_list import MODEL_FORM
 from builder.inverse.noise.flow_models import FLOW_MODELS
 from builder.inverse.noise.model import NoiseTerm
-from builder.inverse.problem import AnyStructure, on_structure
 from builder.inverse.solution import Problem
 from builder.manifold.nonlinear_build import errors_over_loads, tables_and_errors
 from builder.reports.findings.coefficient_sources import AIR_DATA, OF_RANGES, CoefficientSources
 from builder.reports.findings.envelope_states import ALL, FEW, air_data_at, envelope, estimated_at, strain_at
 from builder.reports.findings.prior_observability import PriorObservability
-from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.flight_tables import LOG_PRESSURE, evaluate
@@ -55,18 +53,12 @@ class NamedErrors:
     common: Mapping[str, FloatArray]
 
 
-def named_errors(
-    vehicle: Vehicle,
-    snapshots: Snapshots,
-    structure: AnyStructure,
-    problem: Problem,
-    nuisance: Sequence[NoiseTerm] = (),
-) -> NamedErrors:
-    """Return the errors of the map with tables that is made from these."""
-    plain = vehicle.model_copy(update={"map": vehicle.map.model_copy(update={"keep_field": False})})
-    _, off_tables = tables_and_errors(plain, on_structure(snapshots, structure), structure, problem, nuisance)
+def named_errors(problem: Problem, surface: Surface, nuisance: Sequence[NoiseTerm] = ()) -> NamedErrors:
+    """Return the errors of the map with tables of ``problem``, whose structure has ``surface``."""
+    plain = replace(problem, entry=problem.entry.model_copy(update={"keep_field": False}))
+    _, off_tables = tables_and_errors(plain, surface, nuisance)
     slopes: tuple[dict[str, list[FloatArray]], ...] = (defaultdict(list), defaultdict(list))
-    for error, slope, _ in errors_over_loads(vehicle, problem)[1]:
+    for error, slope, _ in errors_over_loads(problem)[1]:
         slopes[error.common][error.name].append(slope)
     of_gauges, common = ({name: np.array(parts) for name, parts in kind.items()} for kind in slopes)
     fixed = [term for term in problem.noise if not term.scales]

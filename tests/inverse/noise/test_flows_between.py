@@ -11,7 +11,7 @@ from shape_case import ALTITUDE, flown, grid_conditions, shape_structure, shape_
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
 from builder.inverse.noise.flow_models import LEEWARD_PRESSURE
-from builder.inverse.noise.flows_between import BETWEEN, FlowsBetween, flows_between
+from builder.inverse.noise.flows_between import BETWEEN, FlowsBetween, SolvedFlows
 from builder.inverse.problem import inverse_problem
 from builder.manifold.condition_tables import condition_tables
 from builder.manifold.nonlinear_build import with_manifold
@@ -36,6 +36,10 @@ def newtonian_vehicle(**entry: object) -> Vehicle:
 @cache
 def snapshots() -> Snapshots:
     return flown(grid_conditions(mach=(6.0, 7.0), alpha=(-4.0, 0.0, 4.0), beta=WIDE_DEG))
+
+
+def flows_between(vehicle: Vehicle, flows: Snapshots) -> FlowsBetween | None:
+    return SolvedFlows(snapshots=flows, entries=vehicle.flow_entries()).between
 
 
 def known() -> FlowsBetween:
