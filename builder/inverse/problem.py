@@ -246,17 +246,17 @@ def inverse_problem(
     mesh = _mesh_error(vehicle, structure, ensemble, np.sqrt(np.diag(covariance)))
     thermal = thermal_map(vehicle)
     by_inertia = None if vehicle.mass is None else strain_by_inertia(vehicle, vehicle.mass)
-    inertia = inertia_map(vehicle, by_inertia)
+    inertia = inertia_map(by_inertia)
     errors = hardware_errors(vehicle, structure, z_p, ensemble, modulus_std=modulus_std(thermal))
-    errors += [*remaining_errors, *inertia_errors(vehicle, by_inertia, ensemble, structure.surface)]
+    errors += [*remaining_errors, *inertia_errors(by_inertia, ensemble, structure.surface)]
     errors += scan_errors(vehicle.recorder, z_p, ensemble)
     if mesh is not None and vehicle.noise.model == "default":
         errors += mesh.terms()
     terms = [
         *_terms_of_readings(vehicle, structure, covariance),
-        *hardware_terms(vehicle, errors, ensemble, z_p),
-        *thermal_terms(vehicle, thermal),
-        *inertia_terms(vehicle, inertia, by_inertia),
+        *hardware_terms(vehicle.noise, errors, ensemble, z_p),
+        *thermal_terms(vehicle.temperature, thermal),
+        *inertia_terms(inertia, by_inertia),
         *nuisance,
     ]
     sensors = sensor_set(vehicle, structure, ensemble, covariance)

@@ -10,6 +10,7 @@ import numpy as np
 from builder.inverse.sensors.sensor_set import base_area, surface_rows
 from builder.inverse.sensors.structural import SensorRow, rows_on_surface
 from builder.structure.as_built.as_built_vehicle import AsBuilt
+from builder.structure.fourier.shell_mesh import meshed_wall
 from builder.truth.revolution.strain import BuiltSensors, sensor_response
 from builder.vehicle.file import Vehicle
 from builder.vehicle.shape.geometry import SurfaceGrid, surface_grid
@@ -104,10 +105,9 @@ def flown_sensors(vehicle: Vehicle, surface: SurfaceGrid) -> FlownSensors | None
     if entry is None:
         return None
     settings = vehicle.resolution.truth
-    finer = vehicle.model_copy(update={"resolution": vehicle.resolution.model_copy(update={"map": settings})})
     rows = surface_rows(entry, surface)
     if entry.of_structure:
-        rows += rows_on_surface(finer, surface, settings.harmonics)
+        rows += rows_on_surface(entry, vehicle.noise, meshed_wall(vehicle, settings), surface, settings.harmonics)
     return FlownSensors(vehicle=vehicle, surface=surface, rows=tuple(rows))
 
 
@@ -123,8 +123,10 @@ def sensor_names_of(vehicle: Vehicle) -> tuple[str, ...]:
     if entry is None:
         return ()
     surface = surface_grid(vehicle.body(), settings.surface_stations, settings.surface_roll_angles)
-    of_structure = () if not entry.of_structure else rows_on_surface(vehicle, surface, settings.harmonics)
-    return tuple(row.name for row in (*surface_rows(entry, surface), *of_structure))
+    rows = surface_rows(entry, surface)
+    if entry.of_structure:
+        rows += rows_on_surface(entry, vehicle.noise, meshed_wall(vehicle), surface, settings.harmonics)
+    return tuple(row.name for row in rows)
 
 
 def _names(rows: Sequence[SensorRow]) -> list[str]:

@@ -14,10 +14,9 @@ from builder.inverse.noise.thermal import HARMONICS, thermal_map
 from builder.placement.pressure_basis import PressureBasis
 from builder.reporting import Progress
 from builder.structure.as_built.as_built_structure import SHIFT
-from builder.structure.as_built.revolved import with_wall
 from builder.structure.fourier.inner_surface import PlacedGauges, inner_surface_points, place_gauges
 from builder.structure.fourier.meridian_mesh import NO_NODES, MeridianMesh
-from builder.structure.fourier.shell_mesh import shell_mesh
+from builder.structure.fourier.shell_mesh import meshed_wall
 from builder.structure.fourier.strain_operator import distinct_stations, response_to_fields, station_index
 from builder.structure.loads.fourier import fourier_structure
 from builder.structure.loads.of_vehicle import load_properties
@@ -39,7 +38,7 @@ from builder.structure.solid.gauge_rows import Gauges, gauge_rows
 from builder.structure.solid.nodal_loads import split_surface
 from builder.structure.solid.solid_mesh import EXTERNAL
 from builder.structure.solid.strain_solution import solve_fields
-from builder.structure.wall import wall_of
+from builder.structure.wall import Wall
 from builder.vehicle.file import Vehicle
 from builder.vehicle.gauges.layout import GaugeLayout
 from builder.vehicle.shape.geometry import SurfaceGrid
@@ -83,15 +82,13 @@ def fourier_strain(
     InputError
         A gauge is not on the inner surface, or lies within a millimetre of its end.
     """
-    resolution = vehicle.resolution.map
-    length, layers = 1e-3 * resolution.element_length_mm, resolution.wall_layers
-    wall = wall_of(vehicle)
-    mesh = shell_mesh(vehicle.body(), wall, length, layers)
+    walled = meshed_wall(vehicle)
+    wall, mesh = walled.wall, walled.mesh()
     placed = place_gauges(mesh, layout.position, layout.direction, layout.names)
     stations = distinct_stations(placed.x)
     points = inner_surface_points(mesh, stations)
     step = SHIFT * points.tangent[:, 0]
-    last = min(len(basis.along) - 1, resolution.harmonics, (grid.n_roll - 1) // 2)
+    last = min(len(basis.along) - 1, vehicle.resolution.map.harmonics, (grid.n_roll - 1) // 2)
     shapes = [
         shape / np.linalg.norm(np.cos(m * grid.roll_angle)) if m <= last else np.zeros_like(shape)
         for m, shape in enumerate(basis.along)
@@ -116,7 +113,7 @@ def fourier_strain(
         for part in range(3)
     )
     thin, thick = (
-        count(response(shell_mesh(vehicle.body(), wall_of(with_wall(vehicle, factor)), length, layers), stations))
+        count(response(walled.mesh(wall.thicker(factor)), stations))
         for factor in (1.0 - WALL_STEP, 1.0 + WALL_STEP)
     )
     by_roll = harmonics.reading(at_gauge, by_roll=True)
@@ -127,7 +124,7 @@ def fourier_strain(
         orientation=harmonics.reading(at_gauge, turned=True),
         layout_roll=by_roll,
         wall_thickness=harmonics.reading([(a - b) / (2.0 * WALL_STEP) for a, b in zip(thick, thin, strict=True)]),
-        thermal=_thermal(vehicle, mesh, placed),
+        thermal=_thermal(vehicle, wall, mesh, placed),
     )
 
 
@@ -197,7 +194,7 @@ def _parts_of(progress: Progress | None, ends: Sequence[float]) -> list[Progress
     return [part(begin, end) for begin, end in zip((0.0, *ends[:-1]), ends, strict=True)]
 
 
-def _thermal(vehicle: Vehicle, mesh: MeridianMesh, gauges: PlacedGauges) -> FloatArray:
+def _thermal(vehicle: Vehicle, wall: Wall, mesh: MeridianMesh, gauges: PlacedGauges) -> FloatArray:
     """Return (n, k) strain of modes of the wall's temperature as far as its sensors leave them unknown [m/m]."""
     entry = vehicle.temperature
     if entry is None:
@@ -205,7 +202,7 @@ def _thermal(vehicle: Vehicle, mesh: MeridianMesh, gauges: PlacedGauges) -> Floa
     if vehicle.structure.support == "free_flight":
         mesh = replace(mesh, clamped_node=NO_NODES)
     solved = fourier_structure(
-        mesh, wall_of(vehicle).material, gauges, load_properties(vehicle), max_harmonic=HARMONICS
+        mesh, wall.material, gauges, load_properties(vehicle.material, entry, wall), max_harmonic=HARMONICS
     )
     modes = thermal_map(vehicle, solved)
     assert modes is not None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import radians
+from pathlib import Path
 
 import numpy as np
 
@@ -12,22 +13,21 @@ from builder.structure.fourier.meridian_mesh import MeridianMesh
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.wall import wall_of
 from builder.vehicle.file import Vehicle
-from builder.vehicle.gauges.gauge_entries import GaugeRow
+from builder.vehicle.gauges.gauge_entries import GaugeLayoutEntry, GaugeRow
 from builder.vehicle.gauges.layout import GaugeLayout, checked_layout, read_layout
 from strainfmu.errors import InputError
 
 
-def gauge_layout(vehicle: Vehicle, layout: str, mesh: MeridianMesh) -> GaugeLayout:
-    """Return a layout of the vehicle file, its rows placed on the inner surface of ``mesh``.
+def gauge_layout(entry: GaugeLayoutEntry, folder: Path, layout: str, mesh: MeridianMesh) -> GaugeLayout:
+    """Return the gauges of an ``entry``, its rows on the inner surface of ``mesh``, its files in ``folder``.
 
     Raises
     ------
     InputError
         A station has no hollow behind it, or the layout's CSV file is missing or wrong.
     """
-    entry = vehicle.gauges.layouts[layout]
     if entry.file is not None:
-        return read_layout(vehicle.beside(entry.file))
+        return read_layout(folder / entry.file)
     assert entry.rows is not None
     return layout_from_rows(entry.rows, mesh, f"gauges.layouts.{layout}")
 

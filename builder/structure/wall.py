@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -153,6 +153,10 @@ class Wall:
         stations = [station for station, _ in self.profile]
         if any(b <= a for a, b in pairwise(stations)) or any(not share > 0.0 for _, share in self.profile):
             raise InputError("wall profile: stations must rise and thicknesses be greater than 0")
+
+    def thicker(self, factor: float) -> Wall:
+        """Return the wall ``factor`` as thick."""
+        return replace(self, thickness=factor * self.thickness)
 
     @property
     def is_plain(self) -> bool:

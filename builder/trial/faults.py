@@ -14,15 +14,15 @@ from pydantic import Field
 
 from builder.aero.surface.mesh import mesh_of_grid
 from builder.inverse.noise.inertia import UNLISTED, strain_by_inertia
-from builder.inverse.noise.thermal import thermal_structure
+from builder.inverse.noise.thermal import HARMONICS
 from builder.structure.fourier.fourier_model import place_layouts
 from builder.structure.fourier.inertia_strain import inertia_strain
 from builder.structure.fourier.meridian_mesh import MeridianMasses
-from builder.structure.fourier.shell_mesh import shell_mesh
+from builder.structure.fourier.shell_mesh import meshed_wall
 from builder.structure.loads.applied import STANDARD_GRAVITY
 from builder.structure.loads.gauge_strain import gauge_strain, gauge_temperature
+from builder.structure.loads.of_vehicle import fourier_structure_of
 from builder.structure.loads.temperature import temperature_mode
-from builder.structure.wall import wall_of
 from builder.truth.revolution.flow_table import truth_surface
 from builder.vehicle.file import Vehicle
 from builder.vehicle.model_entries import Resolutions
@@ -201,7 +201,11 @@ class Heating(Section):
         """Return what gauges and sensors get at the end of it."""
         entry = temperature_of(vehicle)
         resolution = Resolutions(map=vehicle.resolution.truth, truth=vehicle.resolution.truth)
-        structure = thermal_structure(vehicle.model_copy(update={"resolution": resolution, TEMPERATURE: entry}))
+        structure = fourier_structure_of(
+            vehicle.model_copy(update={"resolution": resolution, TEMPERATURE: entry}),
+            vehicle.gauges.layout,
+            max_harmonic=HARMONICS,
+        )
         ends, rise = np.array([0.0, vehicle.body().length]), np.array([self.nose_K, self.aft_K])
         field = temperature_mode(ends, rise)
         x = np.array([sensor.x_m for sensor in entry.sensor])
@@ -320,15 +324,15 @@ class AddedStrain:
     @cached_property
     def _by_friction(self) -> FloatArray:
         """(n_d,) strain per pressure of friction along the axis [1/Pa]."""
-        vehicle, resolution, wall = self.vehicle, self.vehicle.resolution.truth, wall_of(self.vehicle)
-        mesh = shell_mesh(vehicle.body(), wall, 1e-3 * resolution.element_length_mm, resolution.wall_layers)
+        vehicle, walled = self.vehicle, meshed_wall(self.vehicle, self.vehicle.resolution.truth)
+        mesh = walled.mesh()
         layout = vehicle.gauges.layout
         gauges = place_layouts(vehicle, mesh, [layout])[1][layout]
         # A cover of 1 kg/m2 under a specific force of 1 m/s2 pulls with 1 Pa, towards the nose.
         cover = MeridianMasses(
-            density=(0.0,) * (1 + len(mesh.materials)), covers=((0.0, vehicle.body().length, 1.0),)
+            density=(0.0,) * (1 + len(mesh.materials)), covers=((0.0, walled.body.length, 1.0),)
         )
-        return -inertia_strain(mesh, wall.material, gauges, {"": cover}, unit=0.0)[""][:, 0]
+        return -inertia_strain(mesh, walled.wall.material, gauges, {"": cover}, unit=0.0)[""][:, 0]
 
 
 def _across(angle: FloatArray) -> FloatArray:

@@ -18,6 +18,7 @@ from builder.inverse.sensors.structural import rows_on_surface
 from builder.pipeline.built_sensors import flown_sensors
 from builder.structure.as_built.as_built_vehicle import exactly_built
 from builder.structure.fourier.fourier_model import StructuralModel
+from builder.structure.fourier.shell_mesh import meshed_wall
 from builder.truth.revolution.flow_table import FlowTable, flow_keys, pressure_harmonics, truth_engine, truth_knots
 from builder.truth.revolution.strain import TrueStructure, flight_model, sensor_readings
 from builder.vehicle.file import Vehicle
@@ -124,7 +125,10 @@ def test_sensors_read_what_the_rows_of_the_map_give(
     )
     phase = np.outer(np.arange(11), structure.surface.roll_angle - at.leeward_roll_angle)
     ratio = (pressure_harmonics(flow, structure.surface, 10) @ np.cos(phase)).ravel()
-    rows = [*surface_rows(sensors, structure.surface), *rows_on_surface(sensed, structure.surface, 10)]
+    rows = [
+        *surface_rows(sensors, structure.surface),
+        *rows_on_surface(sensors, sensed.noise, meshed_wall(sensed), structure.surface, 10),
+    ]
     axial = 0.3 * at.ambient_pressure + 0.01 * at.dynamic_pressure
     axial *= vehicle.reference_quantities().area
     expected = np.array(

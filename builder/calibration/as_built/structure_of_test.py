@@ -62,11 +62,12 @@ def prior_of_test(vehicle: Vehicle, structure: AnyAsBuilt) -> AsBuilt:
 
 def joint_candidates(vehicle: Vehicle) -> tuple[float, ...]:
     """Return stations where a wall may have a joint [m]: breaks of its profile, then ends of its regions."""
-    end = wall_regions(vehicle).end
-    first, last = wall_of(vehicle).solid_tip_length, vehicle.body().length
+    body = vehicle.body()
+    end = wall_regions(vehicle.calibration, wall_of(vehicle), body).end
+    first, last = end[0], end[-1]
     apart = APART * (last - first)
     stations: list[float] = []
-    for station in (*vehicle.body().slope_breaks.tolist(), *end[1:-1].tolist()):
+    for station in (*body.slope_breaks.tolist(), *end[1:-1].tolist()):
         if first + apart < station < last - apart and all(
             abs(station - other_station) > apart for other_station in stations
         ):

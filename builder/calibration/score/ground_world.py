@@ -35,6 +35,7 @@ from builder.structure.as_built.wall_regions import wall_regions
 from builder.structure.loads.applied import NO_VECTOR, UNIT_VECTORS, Load, PadForce
 from builder.structure.loads.loaded_structure import LoadProperties
 from builder.structure.mapped_structure import MappedStructure
+from builder.structure.wall import wall_of
 from builder.trial.cases import GroundTest, GroundTests
 from builder.trial.conditions import held_out_conditions, quantities
 from builder.trial.faults import MICRO
@@ -99,7 +100,7 @@ def structure_of_truth(vehicle: Vehicle, is_smooth: bool) -> AsBuiltStructure:
 
 def with_smooth_wall(vehicle: Vehicle) -> Vehicle:
     """Return ``vehicle`` with the regions, the joint and the moduli of a smooth wall."""
-    end = wall_regions(vehicle).end
+    end = wall_regions(vehicle.calibration, wall_of(vehicle), vehicle.body()).end
     first, last = float(end[0]), float(end[-1])
     entry = vehicle.calibration.model_copy(
         update={

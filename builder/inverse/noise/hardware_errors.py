@@ -40,6 +40,7 @@ from builder.structure.fourier.fourier_model import StructuralModel, structural_
 from builder.structure.mapped_structure import MappedStructure
 from builder.structure.solid.gauge_layouts import displaced_name
 from builder.vehicle.file import Vehicle
+from builder.vehicle.map.options import Noise
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import PAIRS
@@ -226,10 +227,10 @@ def hardware_errors(
 
 
 def hardware_terms(
-    vehicle: Vehicle, errors: list[HardwareError], ensemble: Ensemble, strain_operator: FloatArray
+    entry: Noise, errors: list[HardwareError], ensemble: Ensemble, strain_operator: FloatArray
 ) -> list[NoiseTerm]:
     """Return the noise terms of ``errors``, averaged over the ensemble, and of those that do not follow strain."""
-    entry, terms = vehicle.noise, error_terms(errors, ensemble)
+    terms = error_terms(errors, ensemble)
     if entry.apparent_strain_um_per_m > 0.0:
         column, std = np.ones((len(strain_operator), 1)), np.array([KINDS["apparent_strain"].std(entry)])
         terms.append(replace(nuisance_modes("apparent strain", column, std), hardware=True))

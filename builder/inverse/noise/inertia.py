@@ -15,9 +15,9 @@ from builder.inverse.noise.model import NoiseTerm, nuisance_modes
 from builder.structure.fourier.fourier_model import place_layouts
 from builder.structure.fourier.inertia_strain import N_RIGID, bending_strain, inertia_strain, rigid_inertia
 from builder.structure.fourier.meridian_mesh import MeridianMasses, MeridianMesh
-from builder.structure.fourier.shell_mesh import shell_mesh
+from builder.structure.fourier.shell_mesh import MeshedWall, meshed_wall
 from builder.structure.loads.applied import STANDARD_GRAVITY
-from builder.structure.wall import Wall, flight_masses, wall_of
+from builder.structure.wall import FlightMasses, flight_masses
 from builder.vehicle.file import Vehicle
 from builder.vehicle.model_entries import Resolution
 from builder.vehicle.structure.section import Mass
@@ -53,6 +53,10 @@ class InertiaStrain:
 
     Attributes
     ----------
+    entry : section [mass].
+    balanced : (6, 6) rigid inertia of a body that nothing holds, about the inertial unit: its acceleration follows
+        from the load; None of a held body.
+    unit : station of the inertial unit [m].
     by_part : (n_d, k) per channel, by part: wall with covers, each point mass by its number, and 1 kg at stations.
     by_bending : (n_d, 2) of the first bending modes, over the strain of the gauge that each strains most [1].
     section : (n_d,) number of the part of the length that each gauge is in.
@@ -60,6 +64,9 @@ class InertiaStrain:
     attached : (n_d,) whether each gauge is near enough to a point mass for its attachment to count, by its part.
     """
 
+    entry: Mass
+    balanced: FloatArray | None
+    unit: float
     by_part: dict[str, FloatArray]
     by_bending: FloatArray
     section: IntArray
@@ -104,32 +111,36 @@ def strain_by_inertia(
     InputError
         The Fourier model cannot do the vehicle.
     """
-    wall, layout, resolution = wall_of(vehicle), vehicle.gauges.layout, resolution or vehicle.resolution.map
-    mesh = _mesh(vehicle, wall, resolution)
+    walled, layout = meshed_wall(vehicle, resolution), vehicle.gauges.layout
+    body, wall, mesh = walled.body, walled.wall, walled.mesh()
     _, placed = place_layouts(vehicle, mesh, [layout])
-    listed = _with_masses(vehicle, wall, resolution).masses
+    listed = _with_masses(walled, flight_masses(vehicle)).masses
     assert listed is not None  # a vehicle with [mass] has densities
     nothing = MeridianMasses(density=tuple(0.0 for _ in listed.density))
     parts = {_STRUCTURE: replace(listed, points=())}
     for number, point in enumerate(listed.points, start=1):
         parts[f"{_EQUIPMENT} {number}"] = replace(nothing, points=(point,))
     if stations is None:
-        stations = np.linspace(0.0, vehicle.body().length, _UNLISTED_STATIONS + 2)[1:-1].tolist()
+        stations = np.linspace(0.0, body.length, _UNLISTED_STATIONS + 2)[1:-1].tolist()
     for number, station in enumerate(stations, start=1):
         parts[f"{UNLISTED} {number}"] = replace(nothing, points=((station, 1.0),))
-    gauges, unit = placed[layout], unit_station(vehicle, entry)
+    gauges = placed[layout]
+    unit = vehicle.reference_quantities().moment_station if entry.unit_x_m is None else entry.unit_x_m
     by_part = carried = inertia_strain(mesh, wall.material, gauges, parts, unit)
-    if flies(vehicle):
-        holding = _mesh(vehicle, replace(wall, flight=None), resolution)
+    if wall.flight is not None:
+        holding = walled.mesh(replace(wall, flight=None))
         carried = inertia_strain(holding, wall.material, gauges, parts, unit)
     attached = {}
     for number, (station, _) in enumerate(listed.points, start=1):
-        decay = np.sqrt(vehicle.body().radius(station) * wall.thickness_at(station))
+        decay = np.sqrt(body.radius(station) * wall.thickness_at(station))
         attached[f"{_EQUIPMENT} {number}"] = np.abs(gauges.x - station) < _ATTACHMENT * decay
     return InertiaStrain(
+        entry=entry,
+        balanced=None if wall.flight is None else rigid_inertia(mesh, unit),
+        unit=unit,
         by_part=by_part,
         by_bending=bending_strain(mesh, wall.material, gauges, listed),
-        section=np.rint(_SECTIONS * gauges.x / vehicle.body().length).astype(int),
+        section=np.rint(_SECTIONS * gauges.x / body.length).astype(int),
         held_by_part=carried,
         attached=attached,
     )
@@ -138,29 +149,23 @@ def strain_by_inertia(
 def inertia_in_words(vehicle: Vehicle) -> str:
     """Return what the map of ``vehicle`` makes of inertia: the load of 1 g across where it leaves inertia out."""
     if vehicle.mass is not None:
-        known = "" if vehicle.mass.vehicle_kg or flies(vehicle) else _UNDETECTED_UNIT
+        known = "" if vehicle.mass.vehicle_kg or vehicle.structure.support == "free_flight" else _UNDETECTED_UNIT
         return f"included, by the masses of the vehicle file{known}"
     parts = (vehicle.material, *vehicle.materials.values())
     weight = "what 1 g across does needs material.density_kg_per_m3"
     if vehicle.has_meridian and all(part.density_kg_per_m3 is not None for part in parts):
-        reference, of_map = vehicle.reference_quantities(), vehicle.resolution.map
-        mass = rigid_inertia(_with_masses(vehicle, wall_of(vehicle), of_map), 0.0)[0, 0]
+        reference = vehicle.reference_quantities()
+        mass = rigid_inertia(_with_masses(meshed_wall(vehicle), flight_masses(vehicle)), 0.0)[0, 0]
         q = np.mean([condition.dynamic_pressure for condition in vehicle.flight_conditions()])
         weight = f"1 g across is an error of up to {STANDARD_GRAVITY * mass / (q * reference.area):.2g} in C_N"
     return f"not included, and nothing detects it: {weight}; a section [mass] includes it"
 
 
-def unit_station(vehicle: Vehicle, entry: Mass) -> float:
-    """Return the station of the inertial unit [m]."""
-    return vehicle.reference_quantities().moment_station if entry.unit_x_m is None else entry.unit_x_m
-
-
-def inertia_map(vehicle: Vehicle, strain: InertiaStrain | None) -> InertiaMap | None:
+def inertia_map(strain: InertiaStrain | None) -> InertiaMap | None:
     """Return the modes of the layout in use, the gauges' covariance 0; None without a section [mass]."""
-    entry = vehicle.mass
-    if entry is None or strain is None:
+    if strain is None:
         return None
-    n_d = len(strain.by_bending)
+    entry, n_d = strain.entry, len(strain.by_bending)
     return InertiaMap(
         prior_std=_prior(entry),
         sensor_std=_errors(entry),
@@ -172,35 +177,35 @@ def inertia_map(vehicle: Vehicle, strain: InertiaStrain | None) -> InertiaMap | 
     )
 
 
-def inertia_terms(vehicle: Vehicle, inertia: InertiaMap | None, strain: InertiaStrain | None) -> list[NoiseTerm]:
+def inertia_terms(inertia: InertiaMap | None, strain: InertiaStrain | None) -> list[NoiseTerm]:
     """Return what inertia adds to the noise: its modes, the errors of masses at the stated specific force, and
     vibration."""
-    entry = vehicle.mass
-    if entry is None or inertia is None or strain is None:
+    if inertia is None or strain is None:
         return []
     stds = np.full(inertia.vibration_strain.shape[1], inertia.vibration_std)
     return [
         nuisance_modes(NAME, inertia.mode_strain, inertia.prior_std),
         nuisance_modes(VIBRATION_MODES, inertia.vibration_strain, stds),
-        *([] if flies(vehicle) else _held_terms(entry, strain, inertia.prior_std[:N_FORCES])),
+        *([] if strain.balanced is not None else _held_terms(strain, inertia.prior_std[:N_FORCES])),
     ]
 
 
-def _held_terms(entry: Mass, strain: InertiaStrain, force: FloatArray) -> list[NoiseTerm]:
+def _held_terms(strain: InertiaStrain, force: FloatArray) -> list[NoiseTerm]:
     """Return the errors of a held body at the standard deviations (3,) of specific ``force``."""
     columns: dict[str, list[FloatArray]] = {}
-    for name, error, is_common in _errors_of_strain(entry, strain, N_FORCES):
+    for name, error, is_common in _errors_of_strain(strain, N_FORCES):
         of_force = error * force
         columns.setdefault(name, []).append(of_force if is_common else np.diag(np.linalg.norm(of_force, axis=1)))
     return [NoiseTerm(name, np.hstack(parts)) for name, parts in columns.items()]
 
 
-def _errors_of_strain(entry: Mass, strain: InertiaStrain, channels: int) -> Iterator[tuple[str, FloatArray, bool]]:
+def _errors_of_strain(strain: InertiaStrain, channels: int) -> Iterator[tuple[str, FloatArray, bool]]:
     """Yield errors (n_d, channels) of strain by name, and whether gauges have them in common.
 
     Half of the variance of another theory counts for all gauges in common, half for each section, half for each
     gauge.
     """
+    entry = strain.entry
     size = {
         _STRUCTURE: 0.01 * entry.structure_percent,
         _EQUIPMENT: 0.01 * entry.equipment_percent,
@@ -215,24 +220,16 @@ def _errors_of_strain(entry: Mass, strain: InertiaStrain, channels: int) -> Iter
     yield THEORY, of_gauge, False
 
 
-def flies(vehicle: Vehicle) -> bool:
-    """Return whether nothing holds ``vehicle``: its acceleration follows from the load."""
-    return vehicle.structure.support == "free_flight"
-
-
-def inertia_errors(
-    vehicle: Vehicle, strain: InertiaStrain | None, ensemble: Ensemble, surface: Surface
-) -> list[HardwareError]:
+def inertia_errors(strain: InertiaStrain | None, ensemble: Ensemble, surface: Surface) -> list[HardwareError]:
     """Return the errors of the strain by the accelerations that the load causes in free flight.
 
     Errors of masses strain as the masses do, balanced. Another theory of the structure gives this strain with an
     error of ``mass.inertia_strain_percent`` of the strain in a held body.
     """
-    entry = vehicle.mass
-    if entry is None or strain is None or not flies(vehicle):
+    if strain is None or strain.balanced is None:
         return []
-    acceleration, errors = _accelerations(vehicle, entry, surface), list[HardwareError]()
-    for name, error, is_common in _errors_of_strain(entry, strain, N_RIGID):
+    acceleration, errors = _accelerations(strain.balanced, strain.unit, surface), list[HardwareError]()
+    for name, error, is_common in _errors_of_strain(strain, N_RIGID):
         operator = error @ acceleration
         if np.any(operator):
             errors.append(
@@ -241,22 +238,17 @@ def inertia_errors(
     return errors
 
 
-def _accelerations(vehicle: Vehicle, entry: Mass, surface: Surface) -> FloatArray:
+def _accelerations(inertia: FloatArray, unit: float, surface: Surface) -> FloatArray:
     """Return (5, n_p) specific force along x, y, z and angular acceleration about y, z, at the unit, per pressure
     on ``surface``."""
-    resolution, unit = vehicle.resolution.map, unit_station(vehicle, entry)
     axial, normal, side, pitching, yawing = load_operator_on(surface, unit)
     load = np.stack([axial, side, normal, pitching, -yawing])  # a yawing moment to starboard turns about -z
-    return np.linalg.solve(rigid_inertia(_mesh(vehicle, wall_of(vehicle), resolution), unit), load)
+    return np.linalg.solve(inertia, load)
 
 
-def _mesh(vehicle: Vehicle, wall: Wall, resolution: Resolution) -> MeridianMesh:
-    return shell_mesh(vehicle.body(), wall, 1e-3 * resolution.element_length_mm, resolution.wall_layers)
-
-
-def _with_masses(vehicle: Vehicle, wall: Wall, resolution: Resolution) -> MeridianMesh:
-    """Return the mesh with all masses that the vehicle file lists, held by nothing."""
-    return _mesh(vehicle, replace(wall, flight=flight_masses(vehicle), foundation=None), resolution)
+def _with_masses(walled: MeshedWall, masses: FlightMasses | None) -> MeridianMesh:
+    """Return the mesh with all ``masses`` that the vehicle file lists, held by nothing."""
+    return walled.mesh(replace(walled.wall, flight=masses, foundation=None))
 
 
 def _prior(entry: Mass) -> FloatArray:

@@ -60,7 +60,7 @@ def thermal_map(vehicle: Vehicle, structure: FourierStructure | None = None) -> 
     if entry is None:
         return None
     if structure is None:
-        structure = thermal_structure(vehicle)
+        structure = fourier_structure_of(vehicle, vehicle.gauges.layout, max_harmonic=HARMONICS)
     modes = thermal_modes(entry, vehicle.body().length)
     strain = np.column_stack([gauge_strain(structure, [mode]) for mode, _ in modes])
     x = np.array([sensor.x_m for sensor in entry.sensor])
@@ -82,17 +82,11 @@ def thermal_map(vehicle: Vehicle, structure: FourierStructure | None = None) -> 
     )
 
 
-def thermal_structure(vehicle: Vehicle) -> FourierStructure:
-    """Return the Fourier model of the layout in use with the expansion of material and gauges."""
-    return fourier_structure_of(vehicle, vehicle.gauges.layout, max_harmonic=HARMONICS)
-
-
-def thermal_terms(vehicle: Vehicle, thermal: ThermalMap | None) -> list[NoiseTerm]:
+def thermal_terms(entry: Temperature | None, thermal: ThermalMap | None) -> list[NoiseTerm]:
     """Return what temperature adds to the noise: the modes, and the scatter of the gauges' own response.
 
     The mean response of the lot joins the modes: without sensors it is not known either.
     """
-    entry = vehicle.temperature
     if entry is None or thermal is None:
         return []
     terms = [nuisance_modes(NAME, thermal.linear_strain, thermal.prior_std)]

@@ -14,17 +14,17 @@ import numpy as np
 
 from builder.inverse.noise.hardware_errors import WALL_STEP
 from builder.structure.as_built.reading_slopes import CLAMP
-from builder.structure.as_built.revolved import with_wall
 from builder.structure.as_built_kinds import BY_REGION, KINDS
 from builder.structure.fourier.fourier_model import StructuralModel, SurfaceTargets, displacement_operator
 from builder.structure.fourier.inner_surface import inner_surface_points, place_gauges
 from builder.structure.fourier.meridian_mesh import MeridianMesh
-from builder.structure.fourier.shell_mesh import shell_mesh
+from builder.structure.fourier.shell_mesh import MeshedWall, meshed_wall
 from builder.structure.fourier.strain_operator import harmonic_response, strain_operator
 from builder.structure.mapped_structure import MappedStructure
-from builder.structure.wall import wall_of
+from builder.structure.wall import Material
 from builder.vehicle.file import Vehicle
-from builder.vehicle.gauges.sensor_entries import Displacements, Fibre
+from builder.vehicle.gauges.sensor_entries import Displacements, Fibre, Sensors
+from builder.vehicle.map.options import Noise
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
@@ -98,22 +98,36 @@ def structural_rows(vehicle: Vehicle, structure: StructuralModel | MappedStructu
         raise InputError(
             f"{names}: expected no section [temperature]: what heat does to their readings is not known"
         )
-    return rows_on_surface(vehicle, structure.surface, structure.response.max_harmonic)
+    harmonics = structure.response.max_harmonic
+    return rows_on_surface(entry, vehicle.noise, meshed_wall(vehicle), structure.surface, harmonics)
 
 
-def rows_on_surface(vehicle: Vehicle, surface: SurfaceGrid, harmonics: int) -> list[SensorRow]:
+def rows_on_surface(
+    entry: Sensors, tolerances: Noise, walled: MeshedWall, surface: SurfaceGrid, harmonics: int
+) -> list[SensorRow]:
     """Return those rows per pressure at the nodes of ``surface``, of a Fourier model up to ``harmonics``.
+
+    ``entry`` and ``tolerances`` are the sections [sensors] and [noise], ``walled`` is the wall that is read.
 
     Raises
     ------
     InputError
         A point lies off the wall's inner surface.
     """
-    entry = vehicle.sensors
-    assert entry is not None
-    mesh = _mesh(vehicle)
-    operator = _operators(vehicle, mesh, surface, harmonics)
-    shared = _shared_errors(vehicle, surface, harmonics, operator)
+    mesh, material = walled.mesh(), walled.wall.material
+
+    def read_on(meridian: MeridianMesh) -> FloatArray:
+        return _operators(entry, material, meridian, surface, harmonics)
+
+    operator = read_on(mesh)
+    shared = {"common gain": 0.01 * tolerances.common_gain_percent * operator}
+    _refuse_unknown_errors(tolerances)
+    if tolerances.wall_thickness_percent > 0.0:
+        factors = 1.0 - WALL_STEP, 1.0 + WALL_STEP
+        thin, thick = (read_on(walled.mesh(walled.wall.thicker(factor))) for factor in factors)
+        slope = (thick - thin) / (2.0 * WALL_STEP)
+        shared["wall thickness"] = 0.01 * tolerances.wall_thickness_percent * slope
+    shared = {name: of_all for name, of_all in shared.items() if np.any(of_all)}
     rows: list[SensorRow] = []
     if entry.displacement is not None:
         rows += _displacement_rows(
@@ -124,17 +138,10 @@ def rows_on_surface(vehicle: Vehicle, surface: SurfaceGrid, harmonics: int) -> l
     return rows
 
 
-def _mesh(vehicle: Vehicle) -> MeridianMesh:
-    resolution = vehicle.resolution.map
-    return shell_mesh(
-        vehicle.body(), wall_of(vehicle), MILLI * resolution.element_length_mm, resolution.wall_layers
-    )
-
-
-def _operators(vehicle: Vehicle, mesh: MeridianMesh, grid: SurfaceGrid, harmonics: int) -> FloatArray:
+def _operators(
+    entry: Sensors, material: Material, mesh: MeridianMesh, grid: SurfaceGrid, harmonics: int
+) -> FloatArray:
     """Return (n, n_p) readings per pressure [unit/Pa], displacements first."""
-    entry, material = vehicle.sensors, wall_of(vehicle).material
-    assert entry is not None
     blocks = []
     if entry.displacement is not None:
         place = _displacement_places(entry.displacement, mesh)
@@ -148,25 +155,14 @@ def _operators(vehicle: Vehicle, mesh: MeridianMesh, grid: SurfaceGrid, harmonic
     return np.concatenate(blocks)
 
 
-def _shared_errors(
-    vehicle: Vehicle, surface: SurfaceGrid, harmonics: int, operator: FloatArray
-) -> dict[str, FloatArray]:
-    """Return (n, n_p) operators of the errors that gauges have too, one standard deviation [unit/Pa]."""
-    entry = vehicle.noise
+def _refuse_unknown_errors(entry: Noise) -> None:
+    """Refuse errors whose part in these readings is not known."""
     for kind in (KINDS[name] for name in (*CLAMP, *BY_REGION)):
         if kind.std(entry) > 0.0:
             raise InputError(
                 f"noise.{kind.entry}: expected 0 with sensors.displacement or sensors.fibre, whose readings with "
                 f"such an error are not known, got {getattr(entry, kind.entry):g}"
             )
-    operators = {"common gain": 0.01 * entry.common_gain_percent * operator}
-    if entry.wall_thickness_percent > 0.0:
-        thin, thick = (
-            _operators(varied, _mesh(varied), surface, harmonics)
-            for varied in (with_wall(vehicle, factor) for factor in (1.0 - WALL_STEP, 1.0 + WALL_STEP))
-        )
-        operators["wall thickness"] = 0.01 * entry.wall_thickness_percent * ((thick - thin) / (2.0 * WALL_STEP))
-    return {name: operator for name, operator in operators.items() if np.any(operator)}
 
 
 def _places(

@@ -61,7 +61,7 @@ from builder.structure.fourier.fourier_model import (
     with_mesh_error,
 )
 from builder.structure.fourier.inner_surface import PlacedGauges, inner_surface_points
-from builder.structure.fourier.shell_mesh import shell_mesh
+from builder.structure.fourier.shell_mesh import meshed_wall
 from builder.structure.fourier.strain_operator import pressure_load
 from builder.structure.fourier.wall_layup import TOUCHES, change_stations
 from builder.structure.loads.applied import (
@@ -77,7 +77,6 @@ from builder.structure.loads.gauge_strain import nodal_force
 from builder.structure.loads.loaded_structure import INNER, LoadProperties
 from builder.structure.loads.of_vehicle import load_properties
 from builder.structure.loads.temperature import TemperatureField
-from builder.structure.wall import wall_of
 from builder.vehicle.file import Vehicle
 from builder.vehicle.gauges.layout import GaugeLayout
 from builder.vehicle.map.options import Calibration
@@ -422,35 +421,36 @@ def as_built_structure(
         if layout not in supported.gauges.layouts:
             raise InputError(f"layout '{layout}' found, must be one of {', '.join(supported.gauges.layouts)}")
         refuse_beyond_fourier(supported, [layout])
-        wall, regions = wall_of(supported), wall_regions(supported)
-        drawing = shell_mesh(supported.body(), wall, 1e-3 * mapped.element_length_mm, mapped.wall_layers)
+        walled = meshed_wall(supported, mapped)
+        body, wall, drawing = walled.body, walled.wall, walled.mesh()
+        regions, joints = wall_regions(supported.calibration, wall, body), supported.calibration.joint_stations_m
         layouts, all_placed = place_layouts(supported, drawing, [layout])
         placed, mesh = all_placed[layout], drawing
-        errors = exactly_built(counts_of_wall(supported, placed.roll_angle))
+        errors = exactly_built(counts_of_wall(len(regions), len(joints), placed.roll_angle))
         if known_thickness is not None:
             taper = np.zeros(len(regions)) if known_taper is None else np.asarray(known_taper, dtype=float)
             errors = errors.changed(wall_thickness=known_thickness, wall_taper=taper)
             mesh = thickened(drawing, wall, regions, errors.wall_thickness, taper)
         at_gauge = inner_surface_points(drawing, placed.x)
-        grid = surface or surface_grid(supported.body(), mapped.surface_stations, mapped.surface_roll_angles)
+        grid = surface or surface_grid(body, mapped.surface_stations, mapped.surface_roll_angles)
         states = wall_states(
             mesh=mesh,
             wall=wall,
             regions=regions,
             gauges=placed,
             along=SHIFT * at_gauge.tangent[:, 0],
-            properties=properties or load_properties(vehicle),
+            properties=properties or load_properties(vehicle.material, vehicle.temperature, wall),
             max_harmonic=max(max_harmonic, mapped.harmonics),
             changed_harmonic=changed_harmonic_of(max_harmonic, mapped.harmonics),
             changed_within=harmonic_within,
             with_regions=known_thickness is None,
-            joints=supported.calibration.joint_stations_m,
+            joints=joints,
             with_moduli=any(
                 section.region_modulus_percent > 0.0 for section in (supported.calibration, supported.noise)
             ),
             progress=progress,
         )
-        changes = np.array(list(change_stations(supported.body(), wall)))
+        changes = np.array(list(change_stations(body, wall)))
         near = np.abs(placed.x[:, None] - changes).min(axis=1) <= 1e-3 * mapped.element_length_mm + TOUCHES
         return AsBuiltStructure(
             surface=grid,
@@ -463,7 +463,7 @@ def as_built_structure(
             states=states,
             pressure=_pressure_table(states, grid, mapped.harmonics + 1, near),
             at_break=near,
-            joint_stations=supported.calibration.joint_stations_m,
+            joint_stations=joints,
             _mesh_error=partial(_mesh_error, supported, grid, mapped, layout),
         )
 

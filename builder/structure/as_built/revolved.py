@@ -30,14 +30,13 @@ from builder.structure.as_built.wall_regions import counts_in_flight, wall_regio
 from builder.structure.as_built_kinds import BY_REGION, IN_NOISE, KINDS
 from builder.structure.fourier.inner_surface import PlacedGauges, inner_surface_points
 from builder.structure.fourier.meridian_mesh import MeridianMesh
-from builder.structure.fourier.shell_mesh import shell_mesh, yielding_clamp
+from builder.structure.fourier.shell_mesh import MeshedWall, meshed_wall, yielding_clamp
 from builder.structure.fourier.strain_operator import (
     HarmonicResponse,
     distinct_stations,
     harmonic_response,
     station_index,
 )
-from builder.structure.wall import wall_of
 from builder.vehicle.file import Vehicle
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
@@ -143,14 +142,15 @@ def revolved_structure(
         The wall does not fit the body, a gauge lies within a step of the end of its surface, or the clamp is none.
     """
     solved = frozenset(kinds).intersection((*SOLVED, *BY_REGION))
-    mesh, x = mesh_of_map(vehicle), distinct_stations(placed.x)
-    table = revolved_table(vehicle, nominal, x, surface, solved, wall_step)
+    walled, x = meshed_wall(vehicle), distinct_stations(placed.x)
+    table = revolved_table(walled, nominal, x, surface, solved, wall_step)
     if not solved.isdisjoint(BY_REGION):
+        regions = len(wall_regions(vehicle.calibration, walled.wall, walled.body))
         by_region = as_built_structure(
             vehicle,
             layout,
             vehicle.resolution.map.model_copy(update={"harmonics": nominal.max_harmonic}),
-            known_thickness=None if "wall_taper" in solved else np.zeros(len(wall_regions(vehicle))),
+            known_thickness=None if "wall_taper" in solved else np.zeros(regions),
             max_harmonic=nominal.max_harmonic,
             surface=surface,
         )
@@ -159,7 +159,7 @@ def revolved_structure(
         names=names,
         on_wall=WallGauges(
             placed=placed,
-            radius=inner_surface_points(mesh, placed.x).radius,
+            radius=inner_surface_points(walled.mesh(), placed.x).radius,
             row=rows_of(placed.roll_angle),
             station=station_index(x, placed.x),
         ),
@@ -170,16 +170,8 @@ def revolved_structure(
     )
 
 
-def mesh_of_map(vehicle: Vehicle) -> MeridianMesh:
-    """Return the mesh of the wall at the resolution of the map."""
-    resolution = vehicle.resolution.map
-    return shell_mesh(
-        vehicle.body(), wall_of(vehicle), 1e-3 * resolution.element_length_mm, resolution.wall_layers
-    )
-
-
 def revolved_table(
-    vehicle: Vehicle,
+    walled: MeshedWall,
     nominal: HarmonicResponse,
     x: FloatArray,
     surface: SurfaceGrid,
@@ -191,7 +183,8 @@ def revolved_table(
     What changes is small: the mesh of the map shows it as well as a finer one. The rest is as in
     :func:`revolved_structure`.
     """
-    material, mesh = wall_of(vehicle).material, mesh_of_map(vehicle)
+    wall, mesh = walled.wall, walled.mesh()
+    material = wall.material
 
     def amplitudes_at(on: MeridianMesh, *stations: FloatArray) -> list[FloatArray]:
         response = harmonic_response(on, material, np.concatenate(stations), surface.x, nominal.max_harmonic)
@@ -206,7 +199,7 @@ def revolved_table(
     elif "wall_thickness" in kinds:
         (middle,) = amplitudes_at(mesh, x)
     if "wall_thickness" in kinds:
-        walls = (mesh_of_map(with_wall(vehicle, factor)) for factor in (1.0 - wall_step, 1.0 + wall_step))
+        walls = (walled.mesh(wall.thicker(factor)) for factor in (1.0 - wall_step, 1.0 + wall_step))
         thin, thick = (amplitudes_at(mesh_of_wall, x)[0] for mesh_of_wall in walls)
         slope, bend = (thick - thin) / (2.0 * wall_step), (thick - 2.0 * middle + thin) / (2.0 * wall_step**2)
         wall_rows = np.stack([slope[None], bend[None]])
@@ -253,15 +246,3 @@ def changed_alike(table: ResponseTable, change: Callable[[FloatArray], FloatArra
     """Return the table with every array changed alike; ``change`` takes (.., n_x, n_m, n_s, 3)."""
     arrays = {name: change(value) for name, value in vars(table).items() if value is not None}
     return replace(table, **arrays)
-
-
-def with_wall(vehicle: Vehicle, factor: float) -> Vehicle:
-    """Return the vehicle with a wall ``factor`` as thick."""
-    changed = {
-        "wall_thickness_mm": factor * vehicle.structure.wall_thickness_mm,
-        "wall_thickness_at": [
-            thickness_at.model_copy(update={"thickness_mm": factor * thickness_at.thickness_mm})
-            for thickness_at in vehicle.structure.wall_thickness_at
-        ],
-    }
-    return vehicle.model_copy(update={"structure": vehicle.structure.model_copy(update=changed)})

@@ -17,6 +17,8 @@ from builder.structure.fourier.meridian_mesh import MeridianMesh, line_nodes
 from builder.structure.gauge_placement import gauge_mesh
 from builder.structure.wall import Wall, wall_of
 from builder.vehicle.file import Vehicle
+from builder.vehicle.map.options import Calibration
+from builder.vehicle.shape.geometry import BodyOfRevolution
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 
@@ -63,10 +65,10 @@ class WallRegions:
         return np.asarray(self.share(x) * np.clip((x[:, None] - middle) / half, -1.0, 1.0))
 
 
-def wall_regions(vehicle: Vehicle) -> WallRegions:
+def wall_regions(entry: Calibration, wall: Wall, body: BodyOfRevolution) -> WallRegions:
     """Return the regions of the section [calibration]."""
-    first, last = wall_of(vehicle).solid_tip_length, vehicle.body().length
-    inner = vehicle.calibration.wall_region_ends_m
+    first, last = wall.solid_tip_length, body.length
+    inner = entry.wall_region_ends_m
     if inner is None:
         return WallRegions(end=np.linspace(first, last, REGIONS + 1))
     for station in inner:
@@ -104,14 +106,13 @@ def thickened(
 def counts_of(vehicle: Vehicle, layout: str) -> Counts:
     """Return the numbers of what a calibration estimates with the gauges of ``layout``."""
     placed = place_layouts(vehicle, gauge_mesh(vehicle), [layout])[1][layout]
-    return counts_of_wall(vehicle, placed.roll_angle)
+    regions = wall_regions(vehicle.calibration, wall_of(vehicle), vehicle.body())
+    return counts_of_wall(len(regions), len(vehicle.calibration.joint_stations_m), placed.roll_angle)
 
 
-def counts_of_wall(vehicle: Vehicle, roll_angle: FloatArray) -> Counts:
-    """Return the numbers with gauges at ``roll_angle`` (n_d,) [rad], regions and joints by [calibration]."""
-    joints = vehicle.calibration.joint_stations_m
-    row = int(rows_of(roll_angle).max()) + 1
-    return Counts(gauge=len(roll_angle), region=len(wall_regions(vehicle)), row=row, joint=len(joints))
+def counts_of_wall(regions: int, joints: int, roll_angle: FloatArray) -> Counts:
+    """Return the numbers with gauges at ``roll_angle`` (n_d,) [rad]."""
+    return Counts(gauge=len(roll_angle), region=regions, row=int(rows_of(roll_angle).max()) + 1, joint=joints)
 
 
 def counts_in_flight(vehicle: Vehicle, roll_angle: FloatArray) -> Counts:
@@ -129,7 +130,8 @@ def counts_in_flight(vehicle: Vehicle, roll_angle: FloatArray) -> Counts:
         return Counts(gauge=len(roll_angle), row=int(rows_of(roll_angle).max()) + 1)
     if not vehicle.has_meridian:
         raise InputError(f"noise.{stated[0].entry}: expected 0 but for a body of revolution that is clamped aft")
-    counts = counts_of_wall(vehicle, roll_angle)
+    regions = wall_regions(vehicle.calibration, wall_of(vehicle), vehicle.body())
+    counts = counts_of_wall(len(regions), len(vehicle.calibration.joint_stations_m), roll_angle)
     if not counts.joint and any(kind.extent == "joint" for kind in stated):
         raise InputError(
             "noise.joint_softness_mm: expected 0 without joints, calibration.joint_stations_m is empty"

@@ -12,7 +12,7 @@ import numpy as np
 from builder.reporting import Progress
 from builder.structure.fourier.inner_surface import PlacedGauges, inner_surface_points, place_gauges
 from builder.structure.fourier.meridian_mesh import MeridianMesh
-from builder.structure.fourier.shell_mesh import shell_mesh
+from builder.structure.fourier.shell_mesh import meshed_wall
 from builder.structure.fourier.strain_operator import (
     HarmonicResponse,
     harmonic_response,
@@ -21,9 +21,9 @@ from builder.structure.fourier.strain_operator import (
     strain_operator,
 )
 from builder.structure.gauge_placement import gauge_layout
-from builder.structure.wall import Material, wall_of
+from builder.structure.wall import Material
 from builder.vehicle.file import Vehicle
-from builder.vehicle.gauges.gauge_entries import GaugeLayoutEntry, GaugeRow
+from builder.vehicle.gauges.gauge_entries import GaugeLayoutEntry, GaugeRow, Gauges
 from builder.vehicle.gauges.layout import GaugeLayout
 from builder.vehicle.model_entries import Resolution
 from builder.vehicle.shape.geometry import SurfaceGrid, surface_grid
@@ -91,12 +91,12 @@ def structural_model_on(
     progress: Progress | None = None,
 ) -> StructuralModel:
     """Return :func:`structural_model` with other pressure nodes than ``resolution`` has."""
-    wall = wall_of(vehicle)
-    mesh = shell_mesh(vehicle.body(), wall, 1e-3 * resolution.element_length_mm, resolution.wall_layers)
+    walled = meshed_wall(vehicle, resolution)
+    mesh = walled.mesh()
     found_layouts, placed = place_layouts(vehicle, mesh, layouts)
     stations = np.concatenate([gauges.x for gauges in placed.values()])
     harmonics = min(resolution.harmonics, (surface.n_roll - 1) // 2)
-    response = harmonic_response(mesh, wall.material, stations, surface.x, harmonics, progress)
+    response = harmonic_response(mesh, walled.wall.material, stations, surface.x, harmonics, progress)
     return StructuralModel(surface=surface, response=response, layouts=found_layouts, placed=placed)
 
 
@@ -134,7 +134,9 @@ def place_layouts(
         A gauge is not on the inner surface, or the model cannot do what is requested; the message names it.
     """
     refuse_beyond_fourier(vehicle, layouts)
-    layouts_by_name = {name: gauge_layout(vehicle, name, mesh) for name in layouts}
+    layouts_by_name = {
+        name: gauge_layout(vehicle.gauges.layouts[name], vehicle.beside(""), name, mesh) for name in layouts
+    }
     placed = {
         name: place_gauges(mesh, layout.position, layout.direction, layout.names)
         for name, layout in layouts_by_name.items()
@@ -151,10 +153,10 @@ def refuse_beyond_fourier(vehicle: Vehicle, layouts: list[str]) -> None:
         Names the entry, and the model that can.
     """
     vehicle.body()
-    refuse_gauges_beyond_fourier(vehicle, layouts)
+    refuse_gauges_beyond_fourier(vehicle.gauges, layouts)
 
 
-def refuse_gauges_beyond_fourier(vehicle: Vehicle, layouts: list[str]) -> None:
+def refuse_gauges_beyond_fourier(gauges: Gauges, layouts: list[str]) -> None:
     """Refuse gauges that the Fourier model cannot do: outside or of a length.
 
     Raises
@@ -163,7 +165,7 @@ def refuse_gauges_beyond_fourier(vehicle: Vehicle, layouts: list[str]) -> None:
         Names the entry, and the model that can.
     """
     for name in layouts:
-        entry = vehicle.gauges.layouts[name]
+        entry = gauges.layouts[name]
         for where, part in _with_surface_and_length(name, entry):
             if part.surface == "outer":
                 raise InputError(f"{where}.surface: 'outer' found, {CANNOT}")

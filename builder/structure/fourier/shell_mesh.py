@@ -7,7 +7,7 @@ harmless, because they lie in the solid tip, tens of wall thicknesses ahead of t
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -21,7 +21,9 @@ from builder.structure.fourier.meridian_mesh import (
     with_middles,
 )
 from builder.structure.fourier.wall_layup import SHORTEST_PIECE, furnished, layup_stations, outer_station, steps
-from builder.structure.wall import Material, Wall
+from builder.structure.wall import Material, Wall, wall_of
+from builder.vehicle.file import Vehicle
+from builder.vehicle.model_entries import Resolution
 from builder.vehicle.shape.geometry import STEEP, BodyOfRevolution
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
@@ -31,6 +33,38 @@ FINEST = 0.25  # element length at an edge over the one far from it
 EDGE_REACH = 4.0  # lengths 0.78 sqrt(R t) within which elements are shorter: bending has decayed to 2 %
 SHORTEST_TURN = 0.05  # over the radius at the tip's end: length along the meridian of a turn to be resolved
 TURN_PER_ELEMENT = np.deg2rad(10.0)  # with a steep tip: chords are then 0.2 % of the nose radius off at most
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeshedWall:
+    """Wall of a body of revolution, and how finely it is meshed.
+
+    Attributes
+    ----------
+    body, wall : the outer surface, and the wall behind it.
+    element_length : along the meridian [m].
+    layers : elements through the wall.
+    """
+
+    body: BodyOfRevolution
+    wall: Wall
+    element_length: float
+    layers: int
+
+    def mesh(self, wall: Wall | None = None) -> MeridianMesh:
+        """Return the mesh, or that of another ``wall`` of the body; errors as of :func:`shell_mesh`."""
+        return shell_mesh(self.body, self.wall if wall is None else wall, self.element_length, self.layers)
+
+
+def meshed_wall(vehicle: Vehicle, resolution: Resolution | None = None) -> MeshedWall:
+    """Return the wall of ``vehicle`` at a ``resolution``, by default the map's."""
+    resolution = resolution or vehicle.resolution.map
+    return MeshedWall(
+        body=vehicle.body(),
+        wall=wall_of(vehicle),
+        element_length=1e-3 * resolution.element_length_mm,
+        layers=resolution.wall_layers,
+    )
 
 
 def shell_mesh(body: BodyOfRevolution, wall: Wall, element_length: float, n_layers: int = 1) -> MeridianMesh:

@@ -17,16 +17,17 @@ from builder.reporting import Progress
 from builder.structure.fourier.fourier_model import refuse_gauges_beyond_fourier
 from builder.structure.fourier.inner_surface import place_gauges
 from builder.structure.fourier.meridian_mesh import NO_NODES
-from builder.structure.fourier.shell_mesh import shell_mesh
+from builder.structure.fourier.shell_mesh import meshed_wall
 from builder.structure.fourier.wall_layup import other_densities
 from builder.structure.gauge_placement import gauge_layout
 from builder.structure.loads.applied import Weight
 from builder.structure.loads.fourier import MAX_HARMONIC, FourierStructure, fourier_structure
 from builder.structure.loads.gauge_strain import gauge_strain
 from builder.structure.loads.loaded_structure import LoadProperties
-from builder.structure.wall import wall_of
+from builder.structure.wall import Wall
 from builder.vehicle.file import Vehicle, load_vehicle
 from builder.vehicle.model_entries import Resolution
+from builder.vehicle.structure.section import MaterialEntry, Temperature
 from strainfmu.arrays import FloatArray
 from strainfmu.cosim.estimators.zeros_file import write_zeros
 from strainfmu.errors import InputError
@@ -61,29 +62,30 @@ def fourier_structure_of(
     """
     if layout not in vehicle.gauges.layouts:
         raise InputError(f"layout '{layout}' found, must be one of {', '.join(vehicle.gauges.layouts)}")
-    refuse_gauges_beyond_fourier(vehicle, [layout])
-    resolution = resolution or vehicle.resolution.map
-    wall = wall_of(vehicle)
-    mesh = shell_mesh(vehicle.body(), wall, 1e-3 * resolution.element_length_mm, resolution.wall_layers)
-    gauges = gauge_layout(vehicle, layout, mesh)
-    if vehicle.structure.support == "free_flight":
+    refuse_gauges_beyond_fourier(vehicle.gauges, [layout])
+    walled = meshed_wall(vehicle, resolution)
+    wall, mesh = walled.wall, walled.mesh()
+    gauges = gauge_layout(vehicle.gauges.layouts[layout], vehicle.beside(""), layout, mesh)
+    if wall.flight is not None:
         mesh = replace(mesh, clamped_node=NO_NODES)
     return fourier_structure(
         mesh=mesh,
         material=wall.material,
         gauges=place_gauges(mesh, gauges.position, gauges.direction, gauges.names),
-        properties=properties or load_properties(vehicle),
+        properties=properties or load_properties(vehicle.material, vehicle.temperature, wall),
         max_harmonic=max_harmonic,
         progress=progress,
     )
 
 
-def load_properties(vehicle: Vehicle) -> LoadProperties:
+def load_properties(material: MaterialEntry, entry: Temperature | None, wall: Wall | None) -> LoadProperties:
     """Return the density of the wall's material, of a body of revolution of regions and frames, too; expansion of
-    material and gauges where the section [temperature] states it."""
-    densities = other_densities(wall_of(vehicle)) if vehicle.has_meridian else ()
-    properties = LoadProperties(density=vehicle.material.density_kg_per_m3, other_densities=densities)
-    entry = vehicle.temperature
+    material and gauges where the section [temperature] states it.
+
+    ``wall`` is that of a body of revolution.
+    """
+    densities = () if wall is None else other_densities(wall)
+    properties = LoadProperties(density=material.density_kg_per_m3, other_densities=densities)
     if entry is None:
         return properties
     expansion, compensation = entry.expansion_um_per_m_per_K, entry.compensation_um_per_m_per_K

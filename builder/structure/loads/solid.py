@@ -34,7 +34,7 @@ from builder.structure.solid.solid_mesh import EXTERNAL, INTERNAL, SolidMesh
 from builder.structure.solid.stiffness import CHUNK, physical_gradients
 from builder.structure.solid.strain_solution import held_problem
 from builder.structure.solid.supports import Support, rigid_motions
-from builder.structure.wall import Material
+from builder.structure.wall import Material, wall_of
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray, IntArray
 
@@ -255,7 +255,7 @@ def solid_structure_of(
         material=case.matter.material,
         gauges=case.layouts[layout],
         supports=None if case.support is None else [case.support],
-        properties=properties or load_properties(vehicle),
+        properties=properties or load_properties(vehicle.material, vehicle.temperature, wall_of(vehicle)),
         solver_name=solver_name,
     )
 

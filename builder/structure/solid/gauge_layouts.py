@@ -43,7 +43,7 @@ def solid_gauges(vehicle: Vehicle, layout: str, mesh: MeridianMesh) -> Gauges:
     """
     entry = vehicle.gauges.layouts[layout]
     if entry.rows is None:
-        placed = gauge_layout(vehicle, layout, mesh)
+        placed = gauge_layout(entry, vehicle.beside(""), layout, mesh)
         surface = SURFACE[entry.surface or "inner"]
         return gauges_at(placed.position, placed.direction, placed.names, 1e-3 * (entry.length_mm or 0.0), surface)
     where, body = f"gauges.layouts.{layout}", vehicle.body()

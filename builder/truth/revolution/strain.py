@@ -27,9 +27,8 @@ from builder.structure.as_built.revolved import SOLVED, RevolvedStructure, chang
 from builder.structure.as_built.wall_changes import WAVES
 from builder.structure.as_built_kinds import IN_NOISE
 from builder.structure.fourier.fourier_model import place_layouts
-from builder.structure.fourier.shell_mesh import shell_mesh
+from builder.structure.fourier.shell_mesh import meshed_wall
 from builder.structure.fourier.strain_operator import harmonic_response
-from builder.structure.wall import wall_of
 from builder.truth.flights import Flights, pressures_at
 from builder.truth.revolution.flow_table import FlowTable, by_parity
 from builder.vehicle.file import Vehicle
@@ -63,11 +62,11 @@ def true_structure(
     """
     settings, body, layout = vehicle.resolution.truth, vehicle.body(), vehicle.gauges.layout
     surface = surface_grid(body, settings.surface_stations, settings.surface_roll_angles)
-    wall = wall_of(vehicle)
-    mesh = shell_mesh(body, wall, 1e-3 * settings.element_length_mm, settings.wall_layers)
+    walled = meshed_wall(vehicle, settings)
+    mesh = walled.mesh()
     layouts, all_placed = place_layouts(vehicle, mesh, [layout])
     placed = all_placed[layout]
-    nominal = harmonic_response(mesh, wall.material, placed.x, surface.x, settings.harmonics, progress)
+    nominal = harmonic_response(mesh, walled.wall.material, placed.x, surface.x, settings.harmonics, progress)
     if kinds is None:
         # Other kinds are tried at fixed sizes as well, whatever [noise] states.
         stated = {kind.name for kind in IN_NOISE if kind.std(vehicle.noise) > 0.0}

@@ -75,7 +75,7 @@ def test_terms_are_means_over_the_members() -> None:
     errors, _ = made(linear=False)
     vehicle, ensemble = load_vehicle(IC3X), listed_ensemble(np.ones((N, 3)))
     z = 1e-12 * np.random.default_rng(2).standard_normal((N_D, 3))
-    terms = {term.name: term for term in hardware_terms(vehicle, errors, ensemble, z)}
+    terms = {term.name: term for term in hardware_terms(vehicle.noise, errors, ensemble, z)}
     assert list(terms) == ["e0", "e1", "e2", "e3", "apparent strain", "internal pressure"]
     assert all(term.hardware for term in terms.values())
     assert [term.scales for term in terms.values()] == [True, True, True, True, False, True]

@@ -10,14 +10,15 @@ import pytest
 import builder
 from builder.inverse.noise.model import fixed_covariance, gauge_noise
 from builder.inverse.noise.thermal import (
+    HARMONICS,
     gauge_rise,
     modulus_std,
     thermal_map,
     thermal_modes,
-    thermal_structure,
     thermal_terms,
 )
 from builder.structure.loads.gauge_strain import gauge_strain
+from builder.structure.loads.of_vehicle import fourier_structure_of
 from builder.structure.loads.temperature import uniform_temperature
 from builder.vehicle.file import Vehicle
 from builder.vehicle.structure.section import Temperature, TemperatureSensor
@@ -58,7 +59,7 @@ def thermal(vehicle: Vehicle) -> ThermalMap:
 
 
 def test_hats_of_one_kind_are_the_uniform_temperature(vehicle: Vehicle, thermal: ThermalMap) -> None:
-    structure = thermal_structure(vehicle)
+    structure = fourier_structure_of(vehicle, vehicle.gauges.layout, max_harmonic=HARMONICS)
     expected = gauge_strain(structure, [uniform_temperature(1.0)])
     np.testing.assert_allclose(thermal.mode_strain[:, :5].sum(axis=1), expected, atol=1e-12)
     np.testing.assert_allclose(thermal.gauge_operator[:, :5].sum(axis=1), 1.0, atol=1e-12)
@@ -78,7 +79,7 @@ def test_sensors_see_the_modes_where_they_are(thermal: ThermalMap, vehicle: Vehi
 
 def test_modes_are_a_term_of_the_noise_that_sensors_lessen(thermal: ThermalMap, vehicle: Vehicle) -> None:
     own = gauge_noise(1e-14 * np.eye(54))
-    terms = thermal_terms(vehicle, thermal)
+    terms = thermal_terms(vehicle.temperature, thermal)
     assert [term.name for term in terms] == ["temperature", "apparent strain with temperature"]
     assert not any(term.scales for term in terms)
     held = replace(thermal, isothermal_covariance=fixed_covariance((own, *terms), ("temperature",)))
@@ -97,7 +98,7 @@ def test_modes_are_a_term_of_the_noise_that_sensors_lessen(thermal: ThermalMap, 
 def test_without_a_section_there_is_nothing(vehicle: Vehicle, thermal: ThermalMap) -> None:
     cold = vehicle.model_copy(update={"temperature": None})
     assert thermal_map(cold) is None
-    assert thermal_terms(cold, None) == []
+    assert thermal_terms(cold.temperature, None) == []
     assert modulus_std(None) == 0.0
     assert modulus_std(thermal) == pytest.approx(4.5e-4 * np.median(gauge_rise(thermal)))
     assert modulus_std(replace(thermal, modulus_slope=0.0)) == 0.0

@@ -16,7 +16,7 @@ from builder.structure.gauge_placement import gauge_layout
 from builder.structure.wall import wall_of
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
 from builder.vehicle.gauges.gauge_entries import GaugeLayoutEntry, GaugeRow
-from builder.vehicle.gauges.layout import read_layout
+from builder.vehicle.gauges.layout import GaugeLayout, read_layout
 from strainfmu.errors import InputError
 
 pytestmark = pytest.mark.fast
@@ -33,6 +33,10 @@ def shipped() -> Vehicle:
 @pytest.fixture(scope="module")
 def inner_mesh(shipped: Vehicle) -> MeridianMesh:
     return shell_mesh(shipped.body(), wall_of(shipped), 0.036)
+
+
+def layout_named(name: str, vehicle: Vehicle, mesh: MeridianMesh) -> GaugeLayout:
+    return gauge_layout(vehicle.gauges.layouts[name], Path(), name, mesh)
 
 
 def with_layout(vehicle: Vehicle, entry: GaugeLayoutEntry) -> Vehicle:
@@ -56,7 +60,7 @@ def inner_radius(x: float) -> float:
 
 def test_rows_lie_on_the_inner_surface(shipped: Vehicle, inner_mesh: MeridianMesh) -> None:
     """Cone's radius less 4 mm along the normal; axial gauges along the meridian, hoop ones across it."""
-    layout = gauge_layout(shipped, "configuration_1", inner_mesh)
+    layout = layout_named("configuration_1", shipped, inner_mesh)
     assert len(layout.names) == len(set(layout.names)) == 27
     i = layout.names.index("axial_180deg_1")
     np.testing.assert_allclose(layout.position[i], [0.35, 0.0, -inner_radius(0.35)], atol=1e-9)
@@ -71,7 +75,7 @@ def test_rows_lie_on_the_inner_surface(shipped: Vehicle, inner_mesh: MeridianMes
 
 
 def test_table_gives_the_same_gauges(shipped: Vehicle, inner_mesh: MeridianMesh, tmp_path: Path) -> None:
-    rows = gauge_layout(shipped, "configuration_2", inner_mesh)
+    rows = layout_named("configuration_2", shipped, inner_mesh)
     lines = [
         ",".join([name, *(repr(float(v)) for v in (*position, *(3.0 * direction)))])
         for name, position, direction in zip(rows.names, rows.position, rows.direction, strict=True)
