@@ -43,12 +43,12 @@ def outer_surface(vehicle: Vehicle, resolution: Resolution) -> tuple[SurfaceMesh
         The shape, or the file that it names, is wrong.
     """
     if vehicle.has_meridian:
-        grid = surface_grid(vehicle.body(), resolution.surface_stations, resolution.surface_roll_angles)
+        grid = surface_grid(vehicle.body(), *resolution.surface_nodes)
         return mesh_of_grid(grid), ()
     assert vehicle.shape is not None
     if vehicle.shape.surface is None:
         body = vehicle.sectioned_body()
-        return sections_mesh(body, resolution.surface_stations, resolution.surface_roll_angles), ()
+        return sections_mesh(body, *resolution.surface_nodes), ()
     return surface_of_file(vehicle.beside(vehicle.shape.surface), vehicle.shape.unit, vehicle.shape.length_m)
 
 

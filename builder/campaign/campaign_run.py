@@ -20,7 +20,6 @@ from typing import Any
 import numpy as np
 
 from builder.aero.engine import Engine, Flow, FlowKey, cap_line
-from builder.aero.engines.registry import own_surface
 from builder.aero.surface.mesh import mesh_of_grid
 from builder.campaign.failures import FailedCondition, failed_conditions, failure_lines, missing_line
 from builder.campaign.journal import Journal
@@ -30,7 +29,7 @@ from builder.campaign.worker import FailedFlow
 from builder.reporting import Reporter
 from builder.vehicle.conditions.flight_conditions import ConditionSet
 from builder.vehicle.file import Vehicle
-from builder.vehicle.shape.geometry import SurfaceGrid
+from builder.vehicle.shape.geometry import SurfaceGrid, surface_grid
 from builder.vehicle.shape.profile_entries import profile_record
 from builder.vehicle.shape.shape_entries import ReferenceQuantities
 from strainfmu.arrays import FloatArray
@@ -330,30 +329,29 @@ def vehicle_campaign(
     A condition of several sets is in the file once for each; its flow is solved once. ``options`` are those by
     which the user set entries of the vehicle file aside (``set``, ``engine``, ``grid``); the file keeps them.
     """
-    chosen = list(sets) or [_default_set(vehicle, engine)]
+    chosen = list(sets)
+    if not chosen:
+        listed, where = engine.conditions(), f"{engine.name} engine"
+        if listed is None:
+            listed, where = vehicle.flight_conditions(), "vehicle file"
+        chosen = [ConditionSet(where, tuple(listed))]
+    body = vehicle.body() if vehicle.has_meridian else None
     conditions = tuple(condition for chosen_set in chosen for condition in chosen_set.conditions)
     return Campaign(
         vehicle=vehicle.name,
         engine=engine,
         conditions=conditions,
-        internal_pressure=np.array([vehicle.internal_pressure(condition) for condition in conditions]),
+        internal_pressure=vehicle.structure.internal_pressure(conditions),
         reference=vehicle.reference_quantities(),
-        grid=own_surface(vehicle, vehicle.resolution.map) if vehicle.has_meridian else None,
+        grid=None if body is None else surface_grid(body, *vehicle.resolution.map.surface_nodes),
         settings={
             "strainfmu_version": __version__,
             "sets": [{"name": chosen_set.name, "conditions": len(chosen_set.conditions)} for chosen_set in chosen],
             "options": dict(options or {}),
             **({"parameters": list(vehicle.conditions.parameters)} if vehicle.conditions.parameters else {}),
-            **({"profile": profile_record(vehicle.body())} if vehicle.has_meridian else {}),
+            **({} if body is None else {"profile": profile_record(body)}),
         },
     )
-
-
-def _default_set(vehicle: Vehicle, engine: Engine) -> ConditionSet:
-    of_engine = engine.conditions()
-    if of_engine is not None:
-        return ConditionSet(f"{engine.name} engine", tuple(of_engine))
-    return ConditionSet("vehicle file", tuple(vehicle.flight_conditions()))
 
 
 def campaign_notes(result: CampaignResult) -> list[str]:

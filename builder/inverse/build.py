@@ -74,7 +74,7 @@ def inverse_map_of(
         dynamic_pressure_error=0.01 * vehicle.noise.dynamic_pressure_percent,
         envelope_direction=envelope_direction,
         envelope_limit=envelope_limit,
-        **flight_ranges(vehicle, ensemble.conditions),
+        **flight_ranges(problem.entry, ensemble.conditions),
         form=problem.entry.form,
         **other_load_fields(problem.entry),
         **_errors(problem, solution),
@@ -250,5 +250,5 @@ def build_inverse_map(
 def snapshot_coefficients(vehicle: Vehicle, snapshots: Snapshots, loads: FloatArray) -> FloatArray:
     """Return (N, 5) coefficients of the snapshots; ``loads`` is the load operator (5, n_p)."""
     conditions = snapshots.conditions()
-    inside = np.array([vehicle.internal_pressure(condition) for condition in conditions])
+    inside = vehicle.structure.internal_pressure(conditions)
     return coefficients_of(snapshots.pressure - inside[:, None], loads, conditions, vehicle.reference_quantities())

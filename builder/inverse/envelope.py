@@ -15,7 +15,7 @@ import numpy as np
 
 from builder.inverse.modes.ensemble import Ensemble
 from builder.inverse.solution import Problem, Solution
-from builder.vehicle.file import Vehicle
+from builder.vehicle.map.options import MapEntry
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.atmosphere import dynamic_pressure
 from strainfmu.estimator.estimator import Estimator
@@ -85,7 +85,7 @@ def _rolled() -> FloatArray:
     return np.array(rows)
 
 
-def flight_ranges(vehicle: Vehicle, conditions: Sequence[FlightCondition]) -> dict[str, Any]:
+def flight_ranges(entry: MapEntry, conditions: Sequence[FlightCondition]) -> dict[str, Any]:
     """Return fields of a map: the ranges of q_inf, Mach number and altitude from the flows of ``conditions``.
 
     In form "dynamic_pressure" the altitude is the range of map.valid_altitude_km, and q_inf what its ends and the
@@ -93,13 +93,13 @@ def flight_ranges(vehicle: Vehicle, conditions: Sequence[FlightCondition]) -> di
     """
     mach = np.array([condition.mach_number for condition in conditions])
     low, high = float(mach.min()), float(mach.max())
-    if vehicle.map.form == "absolute":
+    if entry.form == "absolute":
         pressure = np.array([condition.dynamic_pressure for condition in conditions])
         altitude = np.array([condition.altitude for condition in conditions])
         q_range = float(pressure.min()), float(pressure.max())
         heights = float(altitude.min()), float(altitude.max())
     else:
-        heights = 1e3 * vehicle.map.valid_altitude_km[0], 1e3 * vehicle.map.valid_altitude_km[1]
+        heights = 1e3 * entry.valid_altitude_km[0], 1e3 * entry.valid_altitude_km[1]
         q_range = dynamic_pressure(low, heights[1]), dynamic_pressure(high, heights[0])
     slack = np.array([1.0 - PRESSURE_SLACK, 1.0 + PRESSURE_SLACK])
     return {

@@ -168,7 +168,7 @@ def gauge_noise_covariance(vehicle: Vehicle, snapshots: Snapshots, structure: An
     entry = vehicle.noise
     layout, median = vehicle.gauges.layout, 0.0
     if entry.percent_of_median_strain is not None:
-        inside = np.array([vehicle.internal_pressure(condition) for condition in snapshots.conditions()])
+        inside = vehicle.structure.internal_pressure(snapshots.conditions())
         net = snapshots.pressure - inside[:, None]
         median = float(np.median(np.abs(net @ structure.strain_operator(entry.of_layout or layout).T)))
     n_d = len(structure.layouts[layout].names)

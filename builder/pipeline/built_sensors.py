@@ -122,7 +122,7 @@ def sensor_names_of(vehicle: Vehicle) -> tuple[str, ...]:
     entry, settings = vehicle.sensors, vehicle.resolution.map
     if entry is None:
         return ()
-    surface = surface_grid(vehicle.body(), settings.surface_stations, settings.surface_roll_angles)
+    surface = surface_grid(vehicle.body(), *settings.surface_nodes)
     rows = surface_rows(entry, surface)
     if entry.of_structure:
         rows += rows_on_surface(entry, vehicle.noise, meshed_wall(vehicle), surface, settings.harmonics)

@@ -23,7 +23,7 @@ from builder.trial.estimators import of_map
 from builder.trial.readings import Readings
 from builder.trial.score import Row, by_load, rows_of
 from builder.vehicle.file import Vehicle
-from builder.vehicle.map.options import Noise, wrong_estimator
+from builder.vehicle.map.options import wrong_estimator
 from strainfmu.arrays import BoolArray, IntArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE, MACH_NUMBER, STATIC_PRESSURE
@@ -147,7 +147,7 @@ class LeftOut:
 
 
 def compared_on_left_out(
-    vehicle: Vehicle, snapshots: Snapshots, problem: Problem, build: Callable[[Snapshots], InverseMap]
+    snapshots: Snapshots, problem: Problem, build: Callable[[Snapshots], InverseMap]
 ) -> Choice:
     """Return the better estimator of the map that ``build`` makes, on snapshots that it is made without.
 
@@ -162,7 +162,7 @@ def compared_on_left_out(
         return linear_because(f"no map can be made without {omitted.name} ({error})")
     kept_keys = {_key(condition) for condition in snapshots.chosen(omitted.kept_rows).conditions()}
     is_left = np.array([_key(condition) not in kept_keys for condition in problem.ensemble.conditions])
-    read = _drawn(vehicle.noise, problem, np.tile(is_left, problem.ensemble.rolls))
+    read = _drawn(problem, np.tile(is_left, problem.ensemble.rolls))
     return compared(made, read, f"snapshots that a map was made without: {omitted.name}")
 
 
@@ -197,12 +197,12 @@ def left_out(snapshots: Snapshots, ensemble: Ensemble) -> LeftOut | None:
 _WORDS = {"total_incidence": "total incidence", "angle_of_attack": "angle of attack", "sideslip_angle": "sideslip"}
 
 
-def _drawn(noise: Noise, problem: Problem, members: BoolArray) -> Readings:
+def _drawn(problem: Problem, members: BoolArray) -> Readings:
     """Return what vehicles read in the flows ``members`` (n,) of the ensemble.
 
     The flows are at the nominal dynamic pressure. Errors of the pressure itself are not drawn.
     """
-    ensemble, random = problem.ensemble, np.random.default_rng(SEED)
+    ensemble, noise, random = problem.ensemble, problem.tolerances, np.random.default_rng(SEED)
     rows = np.flatnonzero(members)
     rows = rows[np.arange(SAMPLES) % len(rows)] if len(rows) < SAMPLES else random.permutation(rows)[:SAMPLES]
     strain = (ensemble.responses(problem.strain_operator) + problem.offset)[rows]

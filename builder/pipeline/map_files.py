@@ -160,7 +160,7 @@ def cached_structure(vehicle: Vehicle) -> Path | None:
 
 def cached_flows(vehicle: Vehicle) -> Path | None:
     """Return the flows of the independent model that another command left, None where there are none."""
-    return Cache(vehicle.beside(".")).find(FLOWS, flow_inputs(vehicle, *truth_knots(vehicle)))
+    return Cache(vehicle.beside(".")).find(FLOWS, flow_inputs(vehicle, *truth_knots(vehicle.truth)))
 
 
 def snapshot_inputs(vehicle: Vehicle, campaign: Campaign) -> dict[str, Any]:
@@ -331,7 +331,7 @@ def make_independent_flows(pipeline: Pipeline) -> None:
     holds = f"flows of the vehicle that flies, by {engine} on finer meshes"
     if FLOWS in pipeline.files or pipeline.take(FLOWS, holds):
         return
-    make_flow_table(pipeline, vehicle, truth_knots(vehicle), FLOWS, holds)
+    make_flow_table(pipeline, vehicle, truth_knots(vehicle.truth), FLOWS, holds)
 
 
 def true_structure_of(pipeline: Pipeline) -> TrueStructure:

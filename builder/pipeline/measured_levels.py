@@ -60,7 +60,7 @@ def alarm_levels_wanted(vehicle: Vehicle, reporter: Reporter) -> bool:
         why = "the structure is another code's"
     elif vehicle.aerodynamics.engine != "euler":
         why = f"the snapshots' engine is '{vehicle.aerodynamics.engine}'"
-    elif _no_overlap(truth_knots(vehicle)[0].tolist(), vehicle.conditions.mach_number):
+    elif _no_overlap(truth_knots(vehicle.truth)[0].tolist(), vehicle.conditions.mach_number):
         why = "truth.mach_number and the snapshots' Mach numbers have none in common"
     else:
         try:
@@ -88,7 +88,7 @@ def _wanted_of_shape(vehicle: Vehicle, reporter: Reporter) -> bool:
 def level_conditions(vehicle: Vehicle) -> list[FlightCondition]:
     """Return the conditions that alarm levels of a shape that is none of revolution are set on."""
     return conditions_in_ranges(
-        vehicle, drawn_altitudes_km(vehicle), SHAPE_CONDITIONS, np.random.default_rng(SEED)
+        vehicle.conditions, drawn_altitudes_km(vehicle), SHAPE_CONDITIONS, np.random.default_rng(SEED)
     )
 
 

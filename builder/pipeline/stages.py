@@ -74,6 +74,7 @@ from builder.truth.shape import shape_flows
 from builder.vehicle.conditions.flight_conditions import ConditionSet
 from builder.vehicle.file import Vehicle, load_vehicle
 from builder.vehicle.map_needs import check_map_size, used_layouts, why_linear
+from builder.vehicle.model_entries import Resolution
 from builder.workspace import refuse_misfits
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
@@ -191,7 +192,7 @@ def build_map(
     if not vehicle.is_axisymmetric:
         of_levels = shape_flows(vehicle, level_conditions(vehicle), reporter, "Flow: alarm levels")
         return with_shape_levels(vehicle, inverse_map, solid, of_levels, reporter)
-    flows = solved_flows(vehicle, *truth_knots(vehicle), reporter, scheduling=Scheduling(workers=0))
+    flows = solved_flows(vehicle, *truth_knots(vehicle.truth), reporter, scheduling=Scheduling(workers=0))
     true = solved_true_structure(vehicle, reporter)
     return with_measured_levels(
         World(vehicle=vehicle, structure=true, flows=flows, inverse_map=inverse_map), reporter
@@ -279,7 +280,9 @@ def map_from(
             reporter=reporter,
             compares=compares,
         )
-    inverse_map = replace(inverse_map, provenance=_with_sources(inverse_map.provenance, vehicle, snapshots, solid))
+    inverse_map = replace(
+        inverse_map, provenance=_with_sources(inverse_map.provenance, vehicle.resolution.map, snapshots, solid)
+    )
     provenance, noise_std = inverse_map.provenance, float(inverse_map.noise_std[0])
     if provenance["symmetry"] != vehicle.map.symmetry:
         reporter.note(
@@ -324,20 +327,20 @@ def _by_auto(
         if not compares:
             return with_tables
         with reporter.stage("Both estimators: a map made without some snapshots"):
-            choice = compared_on_left_out(vehicle, snapshots, problem, build)
+            choice = compared_on_left_out(snapshots, problem, build)
     reporter.note(choice.line)
     return as_chosen(inverse_map if choice.used == "linear" else with_tables, choice)
 
 
 def _with_sources(
-    provenance: dict[str, Any], vehicle: Vehicle, snapshots: Snapshots, solid: Structure | None
+    provenance: dict[str, Any], resolution: Resolution, snapshots: Snapshots, solid: Structure | None
 ) -> dict[str, Any]:
     """Return a map's provenance with what really made its snapshots and its structure.
 
     The vehicle file's resolution, which options may have set aside, is left out.
     """
     facts = {name: value for name, value in provenance.items() if name != "resolution"}
-    used = vehicle.resolution.map.model_dump(include={"harmonics", "element_length_mm", "wall_layers"})
+    used = resolution.model_dump(include={"harmonics", "element_length_mm", "wall_layers"})
     structure = {"model": "fourier", **used} if solid is None else structure_record(solid)
     sources = {"flow": flow_record(snapshots), "structure": structure}
     # In the order that a file gives back, so that maps made in memory and from files are equal.

@@ -125,7 +125,7 @@ def _out_of_reach(
         yield f"conditions: {line}"
     if not vehicle.has_flow_table:
         return
-    of_truth = sorted(flow_keys(*truth_knots(vehicle)))
+    of_truth = sorted(flow_keys(*truth_knots(vehicle.truth)))
     mach, incidence = ([key[axis] for key in of_truth] for axis in (0, 1))
     corners = [(m, a) for m in (min(mach), max(mach)) for a in (min(incidence), max(incidence))]
     for line in flows_out_of_reach(truth_engine(vehicle), corners, reporter, "Flow: corners of the flight model"):
@@ -144,7 +144,7 @@ def _rows(
     flows = len({engine.flow_key(condition) for condition in conditions})
     yield "snapshots", f"{len(conditions)} conditions, {flows} distinct flows ({engine.name})"
     parameters = parameter_ranges(tuple(vehicle.conditions.parameters), conditions)
-    of_map = flight_ranges(vehicle, conditions)
+    of_map = flight_ranges(vehicle.map, conditions)
     ranges = condition_ranges(conditions) | {
         RECORDED_KEYS[ALTITUDE]: of_map["altitude_range"].tolist(),
         RECORDED_KEYS[DYNAMIC_PRESSURE]: of_map["dynamic_pressure_range"].tolist(),

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 from builder.aero.engines.euler import EulerEngine
-from builder.aero.engines.registry import own_surface
 from builder.aero.euler.planes import GRID_LEVELS
 from builder.aero.surface.mesh import mesh_of_grid
 from builder.campaign.campaign_run import run_campaign, vehicle_campaign
@@ -48,7 +47,7 @@ from builder.reproduce.studies import (
 )
 from builder.vehicle.conditions.flight_conditions import ConditionSet
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
-from builder.vehicle.shape.geometry import SurfaceGrid
+from builder.vehicle.shape.geometry import SurfaceGrid, surface_grid
 from builder.workspace import Workspace
 
 Solve = Callable[[Progress], StrainModel]
@@ -146,10 +145,11 @@ def reproduce_paper(
 
 def _flows(stages: _Stages, name: str, sets: list[ConditionSet], level: str) -> Snapshots:
     vehicle = stages.vehicle
+    body = vehicle.body()
     engine = EulerEngine(
-        body=vehicle.body(),
+        body=body,
         marching_grid=replace(GRID_LEVELS[level], corner="marched"),  # as the numbers in print were made
-        grid=own_surface(vehicle, vehicle.resolution.map),
+        grid=surface_grid(body, *vehicle.resolution.map.surface_nodes),
     )
     campaign = vehicle_campaign(vehicle, engine, sets)
     inputs = {

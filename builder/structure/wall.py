@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from builder.vehicle.file import Vehicle
-from builder.vehicle.structure.section import MaterialEntry
+from builder.vehicle.structure.section import MaterialEntry, Structure
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 
@@ -172,9 +172,8 @@ class Wall:
         return np.asarray(self.thickness * np.interp(x, station, share))
 
 
-def flight_masses(vehicle: Vehicle) -> FlightMasses | None:
-    """Return the masses of a body of revolution; None without a density."""
-    entry, density = vehicle.structure, vehicle.material.density_kg_per_m3
+def flight_masses(entry: Structure, density: float | None) -> FlightMasses | None:
+    """Return the masses of a body of revolution, its wall of ``density`` [kg/m3]; None without it."""
     if density is None:
         return None
     return FlightMasses(
@@ -213,7 +212,7 @@ def wall_of(vehicle: Vehicle) -> Wall:
             )
             for frame in entry.frames
         ),
-        flight=flight_masses(vehicle) if entry.support == "free_flight" else None,
+        flight=flight_masses(entry, material_entry.density_kg_per_m3) if entry.support == "free_flight" else None,
         foundation=None
         if entry.foundation_normal_N_per_m3 is None or entry.foundation_tangential_N_per_m3 is None
         else (entry.foundation_normal_N_per_m3, entry.foundation_tangential_N_per_m3),

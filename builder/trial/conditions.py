@@ -18,6 +18,7 @@ import numpy as np
 from pydantic import Field
 
 from builder.truth.revolution.flow_table import FlowTable, flow_states
+from builder.vehicle.conditions.flight_conditions import Conditions
 from builder.vehicle.file import Vehicle
 from builder.vehicle.toml.toml_sections import Altitude, Section
 from strainfmu.arrays import BoolArray, FloatArray
@@ -115,7 +116,7 @@ def _inside(
     if where.altitudes_km is not None:
         heights = drawn_altitudes_km(vehicle, (where.altitudes_km[0], where.altitudes_km[1]))
     if table is None:
-        return conditions_in_ranges(vehicle, heights, count, random)
+        return conditions_in_ranges(vehicle.conditions, heights, count, random)
     conditions = held_out_conditions(vehicle, table, count, random)
     if not listed and where.altitudes_km is None:
         return conditions
@@ -266,13 +267,13 @@ def held_out_conditions(
 
 
 def conditions_in_ranges(
-    vehicle: Vehicle, altitudes_km: tuple[float, float], count: int, random: np.random.Generator
+    entry: Conditions, altitudes_km: tuple[float, float], count: int, random: np.random.Generator
 ) -> list[FlightCondition]:
     """Return ``count`` conditions, uniform in what the file lists: Mach number, both angles, flow parameters.
 
     For vehicles of any shape: nothing is rolled.
     """
-    entry, heights = vehicle.conditions, (1e3 * altitudes_km[0], 1e3 * altitudes_km[1])
+    heights = 1e3 * altitudes_km[0], 1e3 * altitudes_km[1]
     listed = [entry.mach_number, entry.angle_of_attack_deg, entry.sideslip_angle_deg]
     listed += [parameter.values for parameter in entry.parameters.values()]
 

@@ -14,6 +14,7 @@ from builder.structure.as_built.as_built_vehicle import AsBuilt, Counts
 from builder.structure.as_built_kinds import ALWAYS_DRAWN, IN_NOISE
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map.options import Noise
+from builder.vehicle.structure.section import Structure
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
 from strainfmu.flight_condition import FlightCondition
@@ -118,11 +119,11 @@ class Flights(ABC):
         more."""
 
 
-def pressures_at(vehicle: Vehicle, conditions: Sequence[FlightCondition]) -> dict[str, Any]:
+def pressures_at(entry: Structure, conditions: Sequence[FlightCondition]) -> dict[str, Any]:
     """Return ``conditions`` and the pressures of flights there, by the attributes of :class:`Flights`."""
     return {
         "conditions": tuple(conditions),
         "ambient_pressure": np.array([condition.ambient_pressure for condition in conditions]),
         DYNAMIC_PRESSURE: np.array([condition.dynamic_pressure for condition in conditions]),
-        "internal_pressure": np.array([vehicle.internal_pressure(condition) for condition in conditions]),
+        "internal_pressure": entry.internal_pressure(conditions),
     }

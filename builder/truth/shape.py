@@ -210,7 +210,7 @@ def shape_flights(
     ``operator`` (n_w, n_d, n_q) is :func:`~builder.truth.shape.on_nodes_of` for these flows, where it is
     known.
     """
-    pressures = pressures_at(vehicle, flows.conditions())
+    pressures = pressures_at(vehicle.structure, flows.conditions())
     operator = on_nodes_of(structure, flows) if operator is None else operator
     reference = vehicle.reference_quantities()
     loads = six_loads(flows.surface, reference.moment_station)

@@ -342,11 +342,6 @@ class Vehicle(Section):
             [parameter.values for parameter in entry.parameters.values()],
         )
 
-    def internal_pressure(self, condition: FlightCondition) -> float:
-        """Return the pressure inside the body [Pa]."""
-        inside = self.structure.internal_pressure_Pa
-        return condition.ambient_pressure if inside == "ambient" else inside
-
     @property
     def has_flow_table(self) -> bool:
         """Whether flows of the vehicle that flies are solved at Mach numbers and incidences of [truth].
@@ -463,42 +458,37 @@ def _needed_by(vehicle: Vehicle, level: str) -> set[NeededBy]:
         needs.add(ELEMENTS)
     engine: str | None = vehicle.aerodynamics.engine
     if flies and kind == "profile":
-        engine = _engine_that_flies(vehicle)
+        try:
+            engine = vehicle.truth_engine() if vehicle.has_flow_table else None
+        except InputError:  # the body itself is wrong, which is said elsewhere
+            engine = None
     if engine == "euler":
         needs.add(EULER)
     return needs
 
 
-def _engine_that_flies(vehicle: Vehicle) -> str | None:
-    """Return the engine of the flow table, None where there is none, or where the body itself is wrong."""
-    try:
-        return vehicle.truth_engine() if vehicle.has_flow_table else None
-    except InputError:
-        return None
-
-
 def _size_faults(vehicle: Vehicle) -> list[str]:
     """Return what is wrong with the body and with sizes that follow from several entries, a line each."""
-    faults = [*_flow_faults(vehicle), *_gauge_faults(vehicle)]
+    own_nodes = vehicle.shape_kind != "surface"
+    faults = [*_flow_faults(vehicle.conditions, vehicle.truth, vehicle.resolution, own_nodes)]
+    faults += _gauge_faults(vehicle.gauges, vehicle.resolution, own_nodes)
     if not vehicle.has_meridian:
         return faults
     try:
         body = vehicle.body()
     except InputError as error:
         return [str(error), *faults]
-    return [*faults, *_element_faults(vehicle, body.length)]
+    return [*faults, *_element_faults(vehicle.resolution, body.length)]
 
 
-def _flow_faults(vehicle: Vehicle) -> Iterator[str]:
-    """Yield faults of the numbers of conditions, and of their pressures on the surface nodes."""
-    entry, truth = vehicle.conditions, vehicle.truth
+def _flow_faults(entry: Conditions, truth: Truth, resolutions: Resolutions, own_nodes: bool) -> Iterator[str]:
+    """Yield faults of the numbers of conditions, and of their pressures on the nodes where these are our own."""
     lists = [entry.mach_number, entry.angle_of_attack_deg, entry.sideslip_angle_deg, entry.altitudes_km]
     lists += [parameter.values for parameter in entry.parameters.values()]
     knots = [truth.mach_number or (), truth.total_incidence_deg or ()]
-    own_nodes = vehicle.shape_kind != "surface"
     for where, sizes, name, resolution in (
-        ("conditions", [len(values) for values in lists], "map", vehicle.resolution.map),
-        ("truth", [len(values) for values in knots], "truth", vehicle.resolution.truth),
+        ("conditions", [len(values) for values in lists], "map", resolutions.map),
+        ("truth", [len(values) for values in knots], "truth", resolutions.truth),
     ):
         count, shown = prod(sizes), " x ".join(map(str, sizes))
         if count > MAX_CONDITIONS:
@@ -510,28 +500,28 @@ def _flow_faults(vehicle: Vehicle) -> Iterator[str]:
             )
 
 
-def _gauge_faults(vehicle: Vehicle) -> Iterator[str]:
+def _gauge_faults(gauges: Gauges, resolutions: Resolutions, own_nodes: bool) -> Iterator[str]:
     """Yield faults of the numbers of gauges in rows, and of their strains per pressure."""
-    finest = max(("map", "truth"), key=lambda name: _nodes(getattr(vehicle.resolution, name)))
-    resolution = getattr(vehicle.resolution, finest)
-    for layout, entry in vehicle.gauges.layouts.items():
+    finest = max(("map", "truth"), key=lambda name: _nodes(getattr(resolutions, name)))
+    resolution = getattr(resolutions, finest)
+    for layout, entry in gauges.layouts.items():
         count = sum(
             len(row.directions) * (len(row.x_m) if row.x_m is not None else row.count or 0)
             for row in entry.rows or ()
         )
         if count > MAX_GAUGES:
             yield f"gauges.layouts.{layout}: expected at most {MAX_GAUGES} gauges, got {count}"
-        elif vehicle.shape_kind != "surface" and count * _nodes(resolution) > MAX_PRESSURES:
+        elif own_nodes and count * _nodes(resolution) > MAX_PRESSURES:
             yield (
                 f"gauges.layouts.{layout}: expected at most {MAX_PRESSURES} strains per pressure, got {count} "
                 f"gauges x {_shown_nodes(finest, resolution)} = {count * _nodes(resolution)}"
             )
 
 
-def _element_faults(vehicle: Vehicle, length: float) -> Iterator[str]:
+def _element_faults(resolutions: Resolutions, length: float) -> Iterator[str]:
     """Yield faults of the elements along the meridian; ``length`` of the body [m]."""
     for name in ("map", "truth"):
-        resolution: Resolution = getattr(vehicle.resolution, name)
+        resolution: Resolution = getattr(resolutions, name)
         element = 1e-3 * resolution.element_length_mm
         if element > length / MIN_ELEMENTS:
             yield (

@@ -66,6 +66,11 @@ class Resolution(Section):
     element_length_mm: Annotated[float, ELEMENTS] = Field(default=10.0, ge=0.1, le=1e4)
     wall_layers: Annotated[int, ELEMENTS] = Field(default=1, ge=1, le=8)
 
+    @property
+    def surface_nodes(self) -> tuple[int, int]:
+        """Stations and roll angles of the pressure nodes."""
+        return self.surface_stations, self.surface_roll_angles
+
     @model_validator(mode="after")
     def _harmonics_fit(self) -> Resolution:
         if "harmonics" in self.model_fields_set and 2 * self.harmonics >= self.surface_roll_angles:

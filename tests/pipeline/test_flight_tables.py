@@ -55,7 +55,7 @@ def gauge(model: FlightModel, name: str) -> int:
 
 
 def test_knots_are_those_of_the_vehicle_file(vehicle: Vehicle, model: FlightModel) -> None:
-    assert len(flow_keys(*truth_knots(vehicle))) == 36
+    assert len(flow_keys(*truth_knots(vehicle.truth))) == 36
     np.testing.assert_array_equal(model.mach_knots, [5.0, 5.25, 5.75, 6.25, 6.75, 7.0])
     np.testing.assert_allclose(np.degrees(model.incidence_knots), [0, 1, 3, 5, 7, 9, 11], atol=1e-6)
 

@@ -28,6 +28,7 @@ from builder.truth.revolution.flow_table import (
     knot_weights,
     truth_engine,
     truth_knots,
+    truth_surface,
 )
 from builder.truth.revolution.strain import TrueFlights, TrueStructure, flights_of_flows, true_structure
 from builder.vehicle.conditions.flight_conditions import condition_grid
@@ -148,7 +149,7 @@ def case(vehicle: Vehicle, structure: StructuralModel, snapshots: Snapshots) -> 
 @pytest.fixture(scope="session")
 def truth_flows(vehicle: Vehicle, compiled_solver: None) -> dict[FlowKey, Flow]:
     """The flows at the knots of the flight model."""
-    solved = solve_flows(truth_engine(vehicle), flow_keys(*truth_knots(vehicle)), Scheduling(workers=0))
+    solved = solve_flows(truth_engine(vehicle), flow_keys(*truth_knots(vehicle.truth)), Scheduling(workers=0))
     return {solution.flow.key: solution.flow for solution in solved}
 
 
@@ -161,8 +162,8 @@ def true_model(vehicle: Vehicle) -> TrueStructure:
 @pytest.fixture(scope="session")
 def table(vehicle: Vehicle, truth_flows: dict[FlowKey, Flow]) -> FlowTable:
     """The pressure of the independent model."""
-    mach, incidence = truth_knots(vehicle)
-    return flow_table(vehicle, mach, incidence, truth_flows)
+    mach, incidence = truth_knots(vehicle.truth)
+    return flow_table(vehicle.name, truth_surface(vehicle), vehicle.resolution.truth, mach, incidence, truth_flows)
 
 
 def true_flights(

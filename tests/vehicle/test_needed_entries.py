@@ -64,7 +64,7 @@ def test_profile_in_newtonian_flow_needs_neither_cells_nor_truth(tmp_path: Path)
     with pytest.raises(
         InputError, match=r"truth\.mach_number: entry is missing, the flows of the vehicle that flies"
     ):
-        truth_knots(vehicle)
+        truth_knots(vehicle.truth)
     # The Euler solver flies what has a section [truth], whatever engine the map is built on.
     assert "resolution.truth.radial_cells: entry is missing" in refusal(tmp_path, NEWTONIAN, changes[1])
 
@@ -87,7 +87,7 @@ def test_a_tunnel_has_one_mach_number(tmp_path: Path) -> None:
     truth = ("[truth]", '[truth]\nengine = "newtonian"')
     conditions = ("mach_number = [5.0, 5.5, 6.0, 6.5, 7.0]", "mach_number = [6.0]")
     vehicle = load_vehicle(write_changed(tmp_path, conditions, (knots, "mach_number = [6.0]"), truth))
-    table = solved_flows(vehicle, *truth_knots(vehicle), Silent())
+    table = solved_flows(vehicle, *truth_knots(vehicle.truth), Silent())
     np.testing.assert_allclose(table.mach_knots, [5.994, 6.006])
     found = harmonics_at(table, np.array([6.0]), np.array([radians(3.0)]))
     between = harmonics_at(table, table.mach_knots, np.full(2, radians(3.0))).mean(axis=0)

@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from builder.aero.surface.mesh import SurfaceMesh
     from builder.vehicle.file import Vehicle
     from builder.vehicle.model_entries import Resolution
-    from builder.vehicle.shape.geometry import SurfaceGrid
 
 
 @dataclass(frozen=True)
@@ -31,13 +30,6 @@ class EngineKind:
 
     make: Callable[[Vehicle, Resolution, str | None, Note], Engine]
     long_work: bool
-
-
-def own_surface(vehicle: Vehicle, resolution: Resolution) -> SurfaceGrid:
-    """Return the pressure nodes on the body of the vehicle file."""
-    from builder.vehicle.shape.geometry import surface_grid
-
-    return surface_grid(vehicle.body(), resolution.surface_stations, resolution.surface_roll_angles)
 
 
 def make_engine(
@@ -65,14 +57,15 @@ def make_engine(
 def _euler(vehicle: Vehicle, resolution: Resolution, grid_level: str | None, note: Note) -> Engine:
     from builder.aero.engines.euler import EulerEngine
     from builder.aero.euler.planes import marching_grid_of
+    from builder.vehicle.shape.geometry import surface_grid
 
     grid = marching_grid_of(resolution) if grid_level is None else _level(grid_level)
     if not vehicle.is_axisymmetric:
         from builder.aero.engines.euler import FullBodyEngine
 
-        n_x, n_roll = resolution.surface_stations, resolution.surface_roll_angles
-        return FullBodyEngine(vehicle.sectioned_body(), grid, n_x, n_roll)
-    return EulerEngine(vehicle.body(), grid, own_surface(vehicle, resolution))
+        return FullBodyEngine(vehicle.sectioned_body(), grid, *resolution.surface_nodes)
+    body = vehicle.body()
+    return EulerEngine(body, grid, surface_grid(body, *resolution.surface_nodes))
 
 
 def _level(name: str) -> MarchingGrid:

@@ -172,7 +172,7 @@ def ensemble_of(vehicle: Vehicle, snapshots: Snapshots) -> Ensemble:
     nominal = float(np.mean([condition.dynamic_pressure for condition in conditions]))
     ratio = np.ones(len(rows))
     if entry.form == "absolute":
-        fixed = _one_internal_pressure(vehicle, conditions)
+        fixed = _one_internal_pressure(vehicle.structure.internal_pressure(conditions).tolist())
     else:
         ratio = nominal / dynamic
         pressure = ratio[:, None] * (pressure - ambient[:, None] if inside == "ambient" else pressure)
@@ -282,15 +282,14 @@ def _distinct_flows(conditions: list[FlightCondition], by_altitude: bool) -> Int
     return np.array(sorted(first.values()), dtype=np.int64)
 
 
-def _one_internal_pressure(vehicle: Vehicle, conditions: list[FlightCondition]) -> float:
-    """Return p_internal [Pa] of all snapshots.
+def _one_internal_pressure(inside: list[float]) -> float:
+    """Return the p_internal [Pa] that all snapshots have.
 
     Raises
     ------
     InputError
         The snapshots' altitudes differ and so does the pressure inside.
     """
-    inside = [vehicle.internal_pressure(condition) for condition in conditions]
     if min(inside) != max(inside):
         raise InputError(
             f"map.form 'absolute': expected one internal pressure, got {min(inside):.6g} to {max(inside):.6g} Pa; "

@@ -40,6 +40,7 @@ from builder.structure.fourier.fourier_model import StructuralModel, structural_
 from builder.structure.mapped_structure import MappedStructure
 from builder.structure.solid.gauge_layouts import displaced_name
 from builder.vehicle.file import Vehicle
+from builder.vehicle.gauges.gauge_entries import Gauges
 from builder.vehicle.map.options import Noise
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
@@ -140,7 +141,7 @@ def _wall_derivatives(
     grid = grid_of(structure.surface)
     unknown_kind = next((kind for kind, _ in keys if kind not in KNOWN), None)
     if grid is not None and not (structure.is_external and unknown_kind is None):
-        inside = _with_points_inside(vehicle, layout)
+        inside = vehicle.model_copy(update={"gauges": _with_points_inside(vehicle.gauges, layout)})
         try:
             model = structural_model_on(inside, grid, vehicle.resolution.map, [layout])
             return _derivatives(of_model(inside, model, layout, keys), keys)
@@ -154,9 +155,9 @@ def _wall_derivatives(
     return parameter_derivatives(of_displaced(structure, layout, moved=False), as_drawn(counts), list(keys))
 
 
-def _with_points_inside(vehicle: Vehicle, layout: str) -> Vehicle:
-    """Return the vehicle with the gauges of ``layout`` at points on the inner surface."""
-    entry = vehicle.gauges.layouts[layout]
+def _with_points_inside(gauges: Gauges, layout: str) -> Gauges:
+    """Return ``gauges`` with those of ``layout`` at points on the inner surface."""
+    entry = gauges.layouts[layout]
     changed = {
         "rows": None
         if entry.rows is None
@@ -164,8 +165,7 @@ def _with_points_inside(vehicle: Vehicle, layout: str) -> Vehicle:
         "surface": None if entry.file is None else "inner",
         "length_mm": None,
     }
-    layouts = {**vehicle.gauges.layouts, layout: entry.model_copy(update=changed)}
-    return vehicle.model_copy(update={"gauges": vehicle.gauges.model_copy(update={"layouts": layouts})})
+    return gauges.model_copy(update={"layouts": {**gauges.layouts, layout: entry.model_copy(update=changed)}})
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -114,7 +114,7 @@ def strain_by_inertia(
     walled, layout = meshed_wall(vehicle, resolution), vehicle.gauges.layout
     body, wall, mesh = walled.body, walled.wall, walled.mesh()
     _, placed = place_layouts(vehicle, mesh, [layout])
-    listed = _with_masses(walled, flight_masses(vehicle)).masses
+    listed = _with_masses(walled, flight_masses(vehicle.structure, vehicle.material.density_kg_per_m3)).masses
     assert listed is not None  # a vehicle with [mass] has densities
     nothing = MeridianMasses(density=tuple(0.0 for _ in listed.density))
     parts = {_STRUCTURE: replace(listed, points=())}
@@ -155,7 +155,12 @@ def inertia_in_words(vehicle: Vehicle) -> str:
     weight = "what 1 g across does needs material.density_kg_per_m3"
     if vehicle.has_meridian and all(part.density_kg_per_m3 is not None for part in parts):
         reference = vehicle.reference_quantities()
-        mass = rigid_inertia(_with_masses(meshed_wall(vehicle), flight_masses(vehicle)), 0.0)[0, 0]
+        mass = rigid_inertia(
+            _with_masses(
+                meshed_wall(vehicle), flight_masses(vehicle.structure, vehicle.material.density_kg_per_m3)
+            ),
+            0.0,
+        )[0, 0]
         q = np.mean([condition.dynamic_pressure for condition in vehicle.flight_conditions()])
         weight = f"1 g across is an error of up to {STANDARD_GRAVITY * mass / (q * reference.area):.2g} in C_N"
     return f"not included, and nothing detects it: {weight}; a section [mass] includes it"

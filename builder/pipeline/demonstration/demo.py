@@ -321,7 +321,7 @@ def _held_out(pipeline: Pipeline) -> dict[str, Any]:
 
 def _figures(pipeline: Pipeline, recording: Recording, of_flight: str) -> None:
     vehicle, settings = pipeline.vehicle, pipeline.vehicle.resolution.map
-    surface = surface_grid(vehicle.body(), settings.surface_stations, settings.surface_roll_angles)
+    surface = surface_grid(vehicle.body(), *settings.surface_nodes)
     snapshots = snapshots_on(load_snapshots(pipeline.path(SNAPSHOTS)), surface)
     inverse_map = load_inverse_map(pipeline.path(MAP))
     title = vehicle.name

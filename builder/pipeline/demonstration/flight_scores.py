@@ -19,7 +19,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from builder.aero.engines.registry import own_surface
 from builder.campaign.snapshots import Snapshots, snapshots_on
 from builder.inverse.problem import AnyStructure
 from builder.manifold.flow_amplitudes import cosine_amplitudes
@@ -34,6 +33,7 @@ from builder.trial.readings import ANGLES, Readings, World, joined, read_own_veh
 from builder.trial.score import ROLLING, by_load, rows_of
 from builder.truth.revolution.strain import TrueFlights, TrueStructure, flights_of_flows, true_structure
 from builder.vehicle.file import Vehicle
+from builder.vehicle.shape.geometry import surface_grid
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.cosim.systems.recording import Recording
 from strainfmu.errors import InputError
@@ -228,7 +228,7 @@ def held_out_score(
     parts = left_out_parts(snapshots)
     if not parts:
         return None
-    on_grid = snapshots_on(snapshots, own_surface(vehicle, vehicle.resolution.map))
+    on_grid = snapshots_on(snapshots, surface_grid(vehicle.body(), *vehicle.resolution.map.surface_nodes))
     truth, conditions = _true_structure(vehicle), snapshots.conditions()
     every, made, names, not_built = list[Readings](), list[Estimates](), list[str](), list[str]()
     flows = set[tuple[float, float]]()

@@ -185,7 +185,7 @@ def checked_manoeuvre(vehicle: Vehicle, conditions: Sequence[FlightCondition]) -
     if faults:
         raise FaultsError("\n".join(faults))
     if vehicle.is_axisymmetric:
-        mach, incidence = truth_knots(vehicle)
+        mach, incidence = truth_knots(vehicle.truth)
         check_envelope(mach, np.append(0.0, incidence), trajectory, path)
     return trajectory
 

@@ -432,7 +432,7 @@ def as_built_structure(
             errors = errors.changed(wall_thickness=known_thickness, wall_taper=taper)
             mesh = thickened(drawing, wall, regions, errors.wall_thickness, taper)
         at_gauge = inner_surface_points(drawing, placed.x)
-        grid = surface or surface_grid(body, mapped.surface_stations, mapped.surface_roll_angles)
+        grid = surface or surface_grid(body, *mapped.surface_nodes)
         states = wall_states(
             mesh=mesh,
             wall=wall,

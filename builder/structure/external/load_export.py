@@ -74,7 +74,7 @@ class LoadCases:
 def load_cases(vehicle: Vehicle, snapshots: Snapshots) -> LoadCases:
     """Return the load cases of ``snapshots``, at the internal pressure of the vehicle file."""
     conditions = tuple(snapshots.conditions())
-    inside = np.array([vehicle.internal_pressure(condition) for condition in conditions])
+    inside = vehicle.structure.internal_pressure(conditions)
     uniform = np.full((1, snapshots.pressure.shape[1]), UNIFORM_PRESSURE)
     return LoadCases(
         surface=snapshots.surface,

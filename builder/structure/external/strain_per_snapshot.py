@@ -31,6 +31,7 @@ from builder.structure.external.strain_table import StrainTable, SubcaseStrains,
 from builder.structure.solid.gauge_rows import Gauges, gauge_fields
 from builder.structure.structure_file import MeshCheck, Structure
 from builder.vehicle.file import Vehicle
+from builder.vehicle.shape.geometry import BodyOfRevolution
 from builder.vehicle.shape.profile_entries import profile_record
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
@@ -41,7 +42,8 @@ def structure_of_operator(
     strain_operator: FloatArray,
     surface: SurfaceMesh,
     layouts: Mapping[str, Gauges],
-    vehicle: Vehicle,
+    vehicle: str,
+    body: BodyOfRevolution,
     *,
     model: str,
     path: Path,
@@ -53,12 +55,12 @@ def structure_of_operator(
     ``model`` and ``path`` say where it is from; the file brings no mesh of ours, so ``mesh_error`` is 0.
     """
     return Structure(
-        vehicle=vehicle.name,
+        vehicle=vehicle,
         model=model,
         settings={
             "strainfmu_version": __version__,
             "mesh": {"model": model, "file_name": path.name},
-            "profile": profile_record(vehicle.body()),
+            "profile": profile_record(body),
         },
         statistics=dict(statistics),
         **gauge_fields(layouts),
@@ -219,7 +221,8 @@ def structure_of_strains(
         operator,
         cases.surface,
         {name: layouts[name] for name in columns},
-        vehicle,
+        vehicle.name,
+        vehicle.body(),
         model=MODEL,
         path=path,
         statistics={"load_cases": len(cases.names)},

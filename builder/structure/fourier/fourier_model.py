@@ -79,7 +79,7 @@ def structural_model(
     InputError
         The wall does not fit the body or a gauge is not on the inner surface.
     """
-    surface = surface_grid(vehicle.body(), resolution.surface_stations, resolution.surface_roll_angles)
+    surface = surface_grid(vehicle.body(), *resolution.surface_nodes)
     return structural_model_on(vehicle, surface, resolution, layouts, progress)
 
 

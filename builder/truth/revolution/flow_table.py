@@ -26,7 +26,7 @@ from builder.campaign.journal import Journal
 from builder.campaign.scheduling import Scheduling
 from builder.reporting import Reporter
 from builder.vehicle.file import Vehicle
-from builder.vehicle.model_entries import KNOTS
+from builder.vehicle.model_entries import KNOTS, Resolution, Truth
 from builder.vehicle.shape.geometry import SurfaceGrid, surface_grid
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import FlowReachError, InputError
@@ -168,7 +168,7 @@ ONE_MACH_NUMBER = 1e-3
 """Half the range of the flight model round a single Mach number, over that."""
 
 
-def truth_knots(vehicle: Vehicle) -> tuple[FloatArray, FloatArray]:
+def truth_knots(entry: Truth) -> tuple[FloatArray, FloatArray]:
     """Return the knots of the flight model: Mach numbers (n_M,) and positive total incidences (n_a,) [rad].
 
     A single Mach number, as of a wind tunnel, has two knots, :data:`ONE_MACH_NUMBER` below and above it.
@@ -178,7 +178,6 @@ def truth_knots(vehicle: Vehicle) -> tuple[FloatArray, FloatArray]:
     InputError
         The vehicle file has none.
     """
-    entry = vehicle.truth
     for name in KNOTS:
         if getattr(entry, name) is None:
             raise InputError(
@@ -197,8 +196,7 @@ def flow_keys(mach: FloatArray, incidence: FloatArray) -> list[FlowKey]:
 
 def truth_surface(vehicle: Vehicle) -> SurfaceGrid:
     """Return the pressure nodes of the independent model."""
-    settings = vehicle.resolution.truth
-    return surface_grid(vehicle.body(), settings.surface_stations, settings.surface_roll_angles)
+    return surface_grid(vehicle.body(), *vehicle.resolution.truth.surface_nodes)
 
 
 def load_flow_table(path: Path, vehicle: Vehicle) -> FlowTable:
@@ -223,14 +221,15 @@ def load_flow_table(path: Path, vehicle: Vehicle) -> FlowTable:
 
 def truth_engine(vehicle: Vehicle) -> EulerEngine | NewtonianEngine:
     """Return the flow solver of the independent model, of :meth:`Vehicle.truth_engine`."""
+    surface = truth_surface(vehicle)
     if vehicle.truth_engine() == "newtonian":
         entries = vehicle.aerodynamics
         return NewtonianEngine(
-            mesh_of_grid(truth_surface(vehicle)),
+            mesh_of_grid(surface),
             entries.stagnation or "rayleigh_pitot",
             entries.leeward or "ambient",
         )
-    return EulerEngine(vehicle.body(), marching_grid_of(vehicle.resolution.truth), truth_surface(vehicle))
+    return EulerEngine(vehicle.body(), marching_grid_of(vehicle.resolution.truth), surface)
 
 
 def flow_inputs(vehicle: Vehicle, mach: FloatArray, incidence: FloatArray) -> dict[str, Any]:
@@ -276,7 +275,7 @@ def solved_flows(
             f"{len(failed)} of {solved.size} flows are out of the solver's reach: flights from M {mach[0]:.3g} to "
             f"{mach[-1]:.3g}, total incidence up to {np.degrees(incidence[-1]):.3g} deg"
         )
-    return flow_table(vehicle, mach, incidence, flows)
+    return flow_table(vehicle.name, truth_surface(vehicle), vehicle.resolution.truth, mach, incidence, flows)
 
 
 def solved_knots(solved: BoolArray) -> tuple[BoolArray, BoolArray]:
@@ -301,16 +300,20 @@ def solved_knots(solved: BoolArray) -> tuple[BoolArray, BoolArray]:
 
 
 def flow_table(
-    vehicle: Vehicle, mach: FloatArray, incidence: FloatArray, flows: Mapping[FlowKey, Flow]
+    name: str,
+    surface: SurfaceGrid,
+    resolution: Resolution,
+    mach: FloatArray,
+    incidence: FloatArray,
+    flows: Mapping[FlowKey, Flow],
 ) -> FlowTable:
     """Return the table of ``flows``, a flow for each pair of ``mach`` (n_M,) and positive ``incidence`` (n_a,)
     [rad]."""
-    surface, resolution = truth_surface(vehicle), vehicle.resolution.truth
     harmonic = [
         pressure_harmonics(flows[key], surface, resolution.harmonics) for key in flow_keys(mach, incidence)
     ]
     return FlowTable(
-        vehicle=vehicle.name,
+        vehicle=name,
         mach_knots=mach,
         incidence_knots=incidence,
         harmonic=np.reshape(harmonic, (len(mach), len(incidence), *harmonic[0].shape)),

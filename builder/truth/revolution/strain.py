@@ -61,7 +61,7 @@ def true_structure(
         the file requests.
     """
     settings, body, layout = vehicle.resolution.truth, vehicle.body(), vehicle.gauges.layout
-    surface = surface_grid(body, settings.surface_stations, settings.surface_roll_angles)
+    surface = surface_grid(body, *settings.surface_nodes)
     walled = meshed_wall(vehicle, settings)
     mesh = walled.mesh()
     layouts, all_placed = place_layouts(vehicle, mesh, [layout])
@@ -212,7 +212,7 @@ def flights_of_flows(
             at_conditions[..., of_parity, :, :] = values.reshape(*values.shape[:-1], *part.shape[-3:])
         return at_conditions
 
-    pressures, surface = pressures_at(vehicle, conditions), structure.surface
+    pressures, surface = pressures_at(vehicle.structure, conditions), structure.surface
     # An uneven wall turns the uniform pressure into strain of higher harmonics.
     uniform = np.eye(min(max(WAVES) + 1, structure.n_harmonics))[0]
     everywhere = np.broadcast_to(uniform, (1, len(surface.x), len(uniform)))

@@ -7,13 +7,17 @@ may be accelerated, [temperature] how warm the wall may become; both state what 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from builder.vehicle.toml.entry_limits import INTERNAL_PRESSURE_PA
 from builder.vehicle.toml.toml_sections import FileName, Section, Station
+from strainfmu.arrays import FloatArray
+from strainfmu.flight_condition import FlightCondition
 
 
 class MaterialEntry(Section):
@@ -209,6 +213,13 @@ class Structure(Section):
                 f"'{self.model}'"
             )
         return self
+
+    def internal_pressure(self, conditions: Sequence[FlightCondition]) -> FloatArray:
+        """Return (n,) the pressure inside the body at n ``conditions`` [Pa]."""
+        inside = self.internal_pressure_Pa
+        return np.array(
+            [condition.ambient_pressure if inside == "ambient" else inside for condition in conditions]
+        )
 
     @field_validator("internal_pressure_Pa", mode="before")
     @classmethod

@@ -27,7 +27,7 @@ def snapshots(compiled_solver: None) -> Snapshots:
     """Return two snapshots of one flow on the vehicle's own grid: rolled, and in the plane of symmetry."""
     vehicle = load_vehicle(IC3X)
     resolution = vehicle.resolution.map
-    grid = surface_grid(vehicle.body(), resolution.surface_stations, resolution.surface_roll_angles)
+    grid = surface_grid(vehicle.body(), *resolution.surface_nodes)
     engine = EulerEngine(vehicle.body(), marching_grid_of(resolution), grid)
     flow = engine.solve(engine.flow_key(CONDITION))
     conditions = [CONDITION, SYMMETRIC]

@@ -99,11 +99,11 @@ def test_ranges_of_both_forms() -> None:
         FlightCondition(mach, 0.0, 0.0, altitude) for mach in (5.0, 7.0) for altitude in (18e3, 22e3)
     )
     slack = np.array([1.0 - PRESSURE_SLACK, 1.0 + PRESSURE_SLACK])
-    absolute = flight_ranges(with_map(form="absolute"), conditions)
+    absolute = flight_ranges(with_map(form="absolute").map, conditions)
     q = [dynamic_pressure(5.0, 22e3), dynamic_pressure(7.0, 18e3)]
     np.testing.assert_allclose(absolute["dynamic_pressure_range"], q * slack, rtol=1e-12)
     np.testing.assert_array_equal(absolute["altitude_range"], [18e3, 22e3])
-    scaled = flight_ranges(with_map(valid_altitude_km=[10.0, 30.0]), conditions)
+    scaled = flight_ranges(with_map(valid_altitude_km=[10.0, 30.0]).map, conditions)
     q = [dynamic_pressure(5.0, 30e3), dynamic_pressure(7.0, 10e3)]
     np.testing.assert_allclose(scaled["dynamic_pressure_range"], q * slack, rtol=1e-12)
     np.testing.assert_array_equal(scaled["altitude_range"], [10e3, 30e3])
