@@ -101,8 +101,8 @@ def _in_words(study: Study, shape: FloatArray) -> str:
     basis, square = study.parts.basis, np.sum(shape * shape, axis=1)
     if not square.any():
         return "are errors that the gauges have in common"
-    x = mesh_of(study.parts.structure.surface).point[:, 0]
-    at_node = np.sum((basis.fields @ shape) ** 2, axis=1)
+    mesh = mesh_of(study.parts.structure.surface)
+    x, at_node = mesh.point[:, 0], mesh.node_area * np.sum((basis.fields @ shape) ** 2, axis=1)
     order = np.argsort(x, kind="stable")
     reached = np.cumsum(at_node[order]) / at_node.sum()
     first, last = (x[order[np.searchsorted(reached, part)]] for part in (0.1, 0.9))

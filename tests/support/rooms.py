@@ -161,7 +161,80 @@ def filler_words(tree: str) -> float:
     return 1000.0 * words / total
 
 
+@cache
+def walk() -> list[tuple[str, str]]:
+    """Return the functions that get the whole vehicle in ``build_map``, by module and name, as they are entered.
+
+    A call that is given a name of type Vehicle, or a method of one, enters; each function is entered once, its
+    calls from top to bottom, whatever the branches.
+    """
+    modules = {module_name(path): path for path in files() if path.suffix == ".py" and path.parts[0] in TREES[:2]}
+    functions: dict[tuple[str, str], ast.FunctionDef] = {}
+    known: dict[str, dict[str, tuple[str, str]]] = defaultdict(dict)
+    for module, path in modules.items():
+        for node in ast.walk(tree_of(path)):
+            if isinstance(node, ast.ImportFrom) and node.module:
+                known[module] |= {alias.asname or alias.name: (node.module, alias.name) for alias in node.names}
+        for node in tree_of(path).body:
+            if isinstance(node, ast.FunctionDef):
+                functions[module, node.name] = node
+                known[module][node.name] = module, node.name
+            elif isinstance(node, ast.ClassDef) and node.name == "Vehicle":
+                functions |= {(module, part.name): part for part in node.body if isinstance(part, ast.FunctionDef)}
+    entered: list[tuple[str, str]] = []
+
+    def is_vehicle(annotation: ast.expr | None) -> bool:
+        parts = [] if annotation is None else ast.walk(annotation)
+        return any(isinstance(part, ast.Name) and part.id == "Vehicle" for part in parts)
+
+    def called(module: str, call: ast.Call) -> tuple[str, str] | None:
+        return known[module].get(call.func.id) if isinstance(call.func, ast.Name) else None
+
+    def enter(place: tuple[str, str]) -> None:
+        if place in entered:
+            return
+        entered.append(place)
+        module, node = place[0], functions[place]
+        names = {part.arg for part in ast.walk(node) if isinstance(part, ast.arg) and is_vehicle(part.annotation)}
+        names |= {"self"} if module == OF_VEHICLE else set()
+        for part in ast.walk(node):
+            if isinstance(part, ast.Assign) and isinstance(part.value, ast.Call):
+                maker = functions.get(called(module, part.value) or ("", ""))
+                if maker is not None and is_vehicle(maker.returns):
+                    names |= {target.id for target in part.targets if isinstance(target, ast.Name)}
+        parts = [part for part in ast.walk(node) if isinstance(part, ast.Call | ast.Attribute)]
+        for part in sorted(parts, key=lambda part: (part.lineno, part.col_offset)):
+            target = None
+            if isinstance(part, ast.Attribute):
+                if isinstance(part.value, ast.Name) and part.value.id in names:
+                    target = OF_VEHICLE, part.attr
+            elif any(
+                isinstance(value, ast.Name) and value.id in names
+                for value in (*part.args, *(keyword.value for keyword in part.keywords))
+            ):
+                target = called(module, part)
+            if target in functions:
+                enter(target)
+
+    enter(("builder.pipeline.stages", "build_map"))
+    return entered
+
+
+OF_VEHICLE = "builder.vehicle.file"
+
+
+def stays(entered: list[tuple[str, str]]) -> list[str]:
+    """Return the folders of functions ``entered``, one for each stay."""
+    folders = [module.rpartition(".")[0] for module, _ in entered]
+    return [folder for folder, before in zip(folders, ["", *folders], strict=False) if folder != before]
+
+
 MEASURES = {
+    "walk of a vehicle: functions entered": lambda tree: float(sum(m.startswith(tree) for m, _ in walk())),
+    "walk of a vehicle: folders": lambda tree: float(sum(m.startswith(tree) for m in {*stays(walk())})),
+    "walk of a vehicle: returns into a folder": lambda tree: float(
+        sum(m.startswith(tree) for m in stays(walk())) - sum(m.startswith(tree) for m in {*stays(walk())})
+    ),
     "modules that import each other": lambda tree: float(
         sum(len(group) for group in circles() if min(group).split(".")[0] == tree)
     ),

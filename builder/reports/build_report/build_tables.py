@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from builder.inverse.noise.error_list import GAUGE_NOISE, error_named
+from builder.inverse.noise.error_list import GAUGE_NOISE, GRID_REFINEMENT, INTERPOLATION, error_named
+from builder.inverse.noise.flows_between import BETWEEN
 from builder.reports.build_report.build_findings import BuildReport
 from builder.reports.findings.coefficient_sources import AIR_DATA, CoefficientSources, coefficient_scales
 from builder.reports.findings.envelope_states import flight_accuracy_table
@@ -235,15 +236,24 @@ def sources(report: BuildReport) -> Table:
     ]
     of_coefficients = (Column(name, "%", ".1f") for name in COEFFICIENT_NAMES)
     columns = Column("source"), Column("group"), Column("entry"), *of_coefficients
-    caption = "Fraction of each source in the variance of each coefficient, and the entry that states its size."
+    caption = "Fraction of each source in the variance of each coefficient, and the entry that sets its size."
     return make_table("sources", caption, columns, rows)
 
 
 def entry_of(report: BuildReport, source: str) -> str:
-    """Return the entry of the vehicle file that states the size of a source; empty where the build finds it."""
+    """Return the entry of the vehicle file that states the size of a source, or that a size which the build finds
+    follows from; empty where there is none."""
     if source == GAUGE_NOISE:
         return f"noise.{report.noise_entry}"
-    return AIR_DATA.get(source) or error_named(source).entry
+    return AIR_DATA.get(source) or error_named(source).entry or SET_BY.get(source, "")
+
+
+SET_BY = {
+    INTERPOLATION: "conditions",
+    BETWEEN: "conditions",
+    GRID_REFINEMENT: "resolution.map.radial_cells",
+}
+"""Entries from which sizes follow that the build finds: density of snapshots, grid of their flows."""
 
 
 def estimator_choice(report: BuildReport) -> tuple[Table, ...]:
