@@ -2,7 +2,8 @@
 
 A room is a folder or a file of the page's first table, with all below it that has no row of its own. Lines are
 those of Python and C files, headers of FMI by the Modelica Association left out. Run as a program it prints the
-page with the counts of today; with ``--write`` it writes them.
+page with the counts of today; with ``--write`` it writes them, with ``--walk`` it follows a vehicle through
+``build_map``.
 """
 
 from __future__ import annotations
@@ -230,11 +231,6 @@ def stays(entered: list[tuple[str, str]]) -> list[str]:
 
 
 MEASURES = {
-    "walk of a vehicle: functions entered": lambda tree: float(sum(m.startswith(tree) for m, _ in walk())),
-    "walk of a vehicle: folders": lambda tree: float(sum(m.startswith(tree) for m in {*stays(walk())})),
-    "walk of a vehicle: returns into a folder": lambda tree: float(
-        sum(m.startswith(tree) for m in stays(walk())) - sum(m.startswith(tree) for m in {*stays(walk())})
-    ),
     "modules that import each other": lambda tree: float(
         sum(len(group) for group in circles() if min(group).split(".")[0] == tree)
     ),
@@ -260,6 +256,12 @@ def updated(text: str) -> str:
 
 
 if __name__ == "__main__":
+    if "--walk" in sys.argv[1:]:
+        places, rooms_entered = walk(), stays(walk())
+        print(*(f"{module}: {name}" for module, name in places), sep="\n")
+        folders = len({*rooms_entered})
+        print(f"{len(places)} functions, {folders} folders, {len(rooms_entered) - folders} returns into a folder")
+        sys.exit()
     page = updated(PAGE.read_text("utf-8"))
     if "--write" in sys.argv[1:]:
         PAGE.write_text(page, "utf-8")
