@@ -1,13 +1,14 @@
 """The tables and errors of the nonlinear estimator, from the problem of an inverse map.
 
-Hardware errors follow the flight state. The estimator holds the variance of the error of each gauge as c' Q c,
-c = [1, C_A, C_N, C_Y, M_P, M_Y], see :class:`~strainfmu.estimator.map.nonlinear_map.ManifoldMap`. The strain of an
-error is regressed on c. What is left, above all of hoop gauges shifted round the body next to the leeward meridian,
-grows with the square of the incidence and depends on where the wind comes from: its square is fitted by squares of
-combinations of c.
+Hardware errors follow the flight state. The estimator holds the variance of the error of each gauge as c' Q c, c =
+[1, C_A, C_N, C_Y, M_P, M_Y], see :class:`~strainfmu.estimator.map.nonlinear_map.ManifoldMap`. The strain of an
+error is regressed on c. What is left, above all of hoop gauges shifted round the body next to the leeward
+meridian, grows with the square of the incidence and depends on where the wind comes from: its square is fitted by
+squares of combinations of c.
 
-Of auxiliary sensors the surface pressure's part is a row of the tables as strain is. Base pressure adds to an axial
-force in proportion to p_inf, friction in proportion to q_inf = gamma M^2 p_inf / 2: both are exact in the splines.
+Of auxiliary sensors the surface pressure's part is a row of the tables as strain is. Base pressure adds to an
+axial force in proportion to p_inf, friction in proportion to q_inf = gamma M^2 p_inf / 2: both are exact in the
+splines.
 
 Tables whose gauges read two winds alike are refused. Gauges in one plane through the axis read the same of a wind
 and of its mirror image: strain has two solutions, and the covariance of one knows nothing of the other.

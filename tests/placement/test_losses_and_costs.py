@@ -82,7 +82,7 @@ def test_as_many_directions_are_used_as_may_be(study: Study) -> None:
     assert free.bound <= found.bound <= found.value
     rosettes = placement_study(
         study.parts.vehicle,
-        study.parts.snapshots,
+        study.parts.flows.snapshots,
         study.parts.structure,
         replace(GRID, directions=("rosette",), stations=(1.2, 2.4)),
         "linear",

@@ -273,7 +273,7 @@ def test_limits_are_kept(linear: Study) -> None:
     keep = GaugeLayout(own.names[:2], own.position[:2], own.direction[:2])
     grid = replace(GRID, pairs="mirror", directions=("axial", "hoop", "45", "-45"))
     parts = linear.parts
-    study = placement_study(parts.vehicle, parts.snapshots, parts.structure, grid, keep=keep)
+    study = placement_study(parts.vehicle, parts.flows.snapshots, parts.structure, grid, keep=keep)
     zones = (Zone(first=1.2, last=1.75), Zone(first=0.0, last=4.0, start=350.0, end=10.0))
     found = place(study, Limits(gauges=16, spacing=0.1, zones=zones), Aim(starts=2), Silent()).layout
     assert len(found.names) == 16

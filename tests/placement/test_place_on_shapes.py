@@ -68,7 +68,7 @@ def test_a_placed_layout_builds_a_map_and_its_fmu(study: Study, tmp_path: Path, 
     write_layout(found.layout, tmp_path / "layout.csv")
     placed = with_layout(study.parts.vehicle, GaugeLayoutEntry(file=str(tmp_path / "layout.csv")))
     assert check_gauges(placed) == {"used": 12}
-    snapshots = study.parts.snapshots
+    snapshots = study.parts.flows.snapshots
     structure = structure_of(placed, snapshots, Silent())
     assert isinstance(structure, MappedStructure)
     built = build_inverse_map(placed, snapshots, structure)

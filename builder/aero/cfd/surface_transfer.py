@@ -1,22 +1,22 @@
 """Pressure of a file of flow results at the nodes of the vehicle's surface.
 
-The foreign surface is placed first: its axes, the other half of a half model, the sense of its normals. What depends
-on the two surfaces alone (placement, closest points, weights, largest gap) is computed for the first of the files
-that share a mesh, and kept.
+The foreign surface is placed first: its axes, the other half of a half model, the sense of its normals. What
+depends on the two surfaces alone (placement, closest points, weights, largest gap) is computed for the first of
+the files that share a mesh, and kept.
 
 Values of cells become pressure that is linear over each triangle. Each cell gets the gradient that fits its
-neighbours best (weighted least squares), limited so that no corner leaves the range of the neighbours. That is exact
-for a field that is linear over a plane; at a shock or an edge of the body the gradient falls to zero rather than draw
-the values of one side into the other (T. J. Barth and D. C. Jespersen, "The design and application of upwind schemes
-on unstructured meshes", AIAA 89-0366: gradient and limiter).
+neighbours best (weighted least squares), limited so that no corner leaves the range of the neighbours. That is
+exact for a field that is linear over a plane; at a shock or an edge of the body the gradient falls to zero rather
+than draw the values of one side into the other (T. J. Barth and D. C. Jespersen, "The design and application of
+upwind schemes on unstructured meshes", AIAA 89-0366: gradient and limiter).
 
 Values at points without triangles are interpolated in the Delaunay triangle, of the points around a node, that the
 node lies in; the points belong to its own smooth piece of the surface, unrolled into its tangent plane. Of all
-triangles of points that contain the node, the Delaunay triangle is the one with the smallest sum of
-lambda_i |d_i|^2, lambda_i being the barycentric coordinates and d_i the distances (the lifting to a paraboloid: H.
-Edelsbrunner and R. Seidel, "Voronoi diagrams and arrangements", Discrete Comput. Geom. 1, 1986). That sum also bounds
-the error of the interpolation. A node with points on one side only, as at the rim of a base, is reached by a straight
-line through two places among the points.
+triangles of points that contain the node, the Delaunay triangle is the one with the smallest sum of lambda_i
+|d_i|^2, lambda_i being the barycentric coordinates and d_i the distances (the lifting to a paraboloid: H.
+Edelsbrunner and R. Seidel, "Voronoi diagrams and arrangements", Discrete Comput. Geom. 1, 1986). That sum also
+bounds the error of the interpolation. A node with points on one side only, as at the rim of a base, is reached by
+a straight line through two places among the points.
 """
 
 from __future__ import annotations
