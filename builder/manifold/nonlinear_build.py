@@ -294,7 +294,7 @@ def manifold_map(
 ) -> tuple[ManifoldMap, list[dict[str, Any]]]:
     """Return the tables and errors of ``problem``, and what pressure off the tables strains, term by term.
 
-    ``surface`` is that of its structure, ``nuisance`` holds the other noise terms of the map.
+    ``surface`` is its structure's, ``nuisance`` holds the other noise terms of the map.
 
     Raises
     ------

@@ -148,8 +148,8 @@ def _spread(problem: Problem) -> Iterator[FloatArray]:
 def grid_errors(flows: SolvedFlows) -> FloatArray | None:
     """Return (q, n_x, n_m) amplitudes of cos m(phi - phi_T) of the error of p / p_inf in q flows.
 
-    The flows are those of :attr:`~builder.inverse.noise.flows_between.SolvedFlows.grid_difference`; None where
-    these are not known.
+    The flows are in :attr:`~builder.inverse.noise.flows_between.SolvedFlows.grid_difference`; None where they are
+    not known.
     """
     grid, differences = flows.snapshots.grid, flows.grid_difference
     if grid is None or not differences:

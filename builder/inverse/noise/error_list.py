@@ -181,8 +181,8 @@ def by_role(terms: Mapping[str, FloatArray], is_measured: bool = False) -> tuple
 def record_of(name: str, sections: Mapping[str, Section], sizes: ModelForm, is_measured: bool) -> dict[str, Any]:
     """Return what the provenance of a map says of the error ``name``, but how much it strains.
 
-    ``sections`` of the vehicle file state sizes, ``sizes`` are those of the model-form error, ``is_measured`` as
-    of :func:`role_of`.
+    ``sections`` of the vehicle file state sizes, ``sizes`` are the model-form error's, ``is_measured`` as of
+    :func:`role_of`.
     """
     error = error_named(name)
     size = error.stated_size(sections, sizes)

@@ -1,4 +1,4 @@
-"""Flows beside the snapshots of a map: between their conditions, and on a coarser grid.
+"""Flows that a map needs besides its snapshots: between their conditions, and on a coarser grid.
 
 Conditions left out in turn say little of an axis with three values: what the middle one misses is even about it,
 and the odd part of a flow, such as the side force of a fin that turns windward, does not show. So the flow in the

@@ -156,7 +156,7 @@ def _wall_derivatives(
 
 
 def _with_points_inside(gauges: Gauges, layout: str) -> Gauges:
-    """Return ``gauges`` with those of ``layout`` at points on the inner surface."""
+    """Return ``gauges``, the layout ``layout`` at points on the inner surface."""
     entry = gauges.layouts[layout]
     changed = {
         "rows": None

@@ -52,7 +52,7 @@ class MeshedWall:
     layers: int
 
     def mesh(self, wall: Wall | None = None) -> MeridianMesh:
-        """Return the mesh, or that of another ``wall`` of the body; errors as of :func:`shell_mesh`."""
+        """Return the mesh, of another ``wall`` if one is given; errors as of :func:`shell_mesh`."""
         return shell_mesh(self.body, self.wall if wall is None else wall, self.element_length, self.layers)
 
 

@@ -82,7 +82,7 @@ def load_properties(material: MaterialEntry, entry: Temperature | None, wall: Wa
     """Return the density of the wall's material, of a body of revolution of regions and frames, too; expansion of
     material and gauges where the section [temperature] states it.
 
-    ``wall`` is that of a body of revolution.
+    ``wall`` is known of a body of revolution alone.
     """
     densities = () if wall is None else other_densities(wall)
     properties = LoadProperties(density=material.density_kg_per_m3, other_densities=densities)
