@@ -54,11 +54,11 @@ def write_archive(path: Path, entries: Mapping[str, bytes]) -> None:
 def _zip(entries: Mapping[str, bytes]) -> bytes:
     """Return a deflated zip whose bytes depend on ``entries`` alone."""
     image = io.BytesIO()
-    with zipfile.ZipFile(image, "w", zipfile.ZIP_DEFLATED, compresslevel=LEVEL) as archive:
+    with zipfile.ZipFile(image, "w") as archive:
         for name in sorted(entries):
             entry = zipfile.ZipInfo(name.replace("\\", "/"), _ZIP_TIME)
             entry.compress_type = zipfile.ZIP_DEFLATED
             entry.create_system = 3
             entry.external_attr = 0o644 << 16
-            archive.writestr(entry, entries[name])
+            archive.writestr(entry, entries[name], compresslevel=LEVEL)
     return image.getvalue()

@@ -170,8 +170,8 @@ def few_samples(request: pytest.FixtureRequest) -> str:
 
 @pytest.fixture(scope="session", autouse=True)
 def quickly_packed() -> None:
-    """Pack FMUs, of which tests make hundreds, in a third of the time."""
-    archive.LEVEL = 1
+    """Pack FMUs, of which tests make hundreds, without compressing them."""
+    archive.LEVEL = 0
 
 
 DEMO = """
