@@ -190,6 +190,33 @@ def test_frames_are_those_of_the_bridge(
     node.close()
 
 
+def test_a_dynamic_pressure_that_the_bus_file_states_is_the_models(
+    synthetic: SyntheticFiles, tmp_path: Path
+) -> None:
+    """On a bus without a frame of it."""
+    names = load_inverse_map(synthetic.map_1).gauge_names
+    lines = [f'BO_ {256 + k} R{k}: 8 A\n SG_ S : 0|16@1- (0.25,0) [0|0] "um/m" B\n' for k in range(len(names))]
+    (tmp_path / "rack.dbc").write_text('VERSION ""\nNS_ :\nBS_:\nBU_: A B\n' + "".join(lines))
+    strains = "".join(f'"{name}" = "R{k}.S"\n' for k, name in enumerate(names))
+    own = f'dbc = "rack.dbc"\ncycle_time_ms = {1e3 * CYCLE:g}\ngauges = "map.h5"\ndynamic_pressure_pa = 90000.0\n'
+    text = f"[input]\n{own}[input.strain]\n{strains}{BUS.format(clock='countdown')}"
+    (tmp_path / "bus.toml").write_text(text)
+    (tmp_path / "map.h5").write_bytes(synthetic.map_1.read_bytes())
+    export_ecu(synthetic.map_1, tmp_path / "ecu.fmu", tmp_path / "bus.toml")
+    reference = Reference(synthetic.map_1, tmp_path / "bus.toml")
+    sender = sender_for(reference, synthetic.map_1, 30)
+    master = master_of(tmp_path, tmp_path, sender)
+    master.run(0.3)
+    assert sent_by(sender) == expected_of(reference, master)
+    node, last = master.ecu, reference.results[-1]
+    assert last.dynamic_pressure == 9e4
+    np.testing.assert_array_equal(
+        node.fmu.getFloat64([node.numbers["coefficients"]], nValues=5), last.coefficients
+    )
+    node.close()
+    reference.close()
+
+
 def test_the_age_is_that_of_the_tick(
     ecu: Path, reference: Reference, synthetic: SyntheticFiles, tmp_path: Path
 ) -> None:
