@@ -21,7 +21,7 @@ from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.vehicle.file import Vehicle
 from builder.vehicle.shape.geometry import BodyOfRevolution
 from builder.vehicle.shape.profile_entries import profile_misfits
-from builder.vehicle.toml.entry_limits import CLOSEST_VALUES
+from builder.vehicle.toml.toml_sections import CLOSEST_VALUES
 from builder.workspace import Misfit
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError

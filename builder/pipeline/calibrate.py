@@ -19,7 +19,6 @@ from builder.calibration.after_test.calibrated_map import (
 )
 from builder.calibration.after_test.flown_after_test import allowed_flights
 from builder.calibration.after_test.left_by_test import Remaining
-from builder.calibration.as_built.structure_of_test import prior_of_test, structure_of_test
 from builder.calibration.estimate.case_faults import Fault
 from builder.calibration.estimate.estimated_vehicle import Estimate
 from builder.calibration.estimate.ground_test_faults import calibrate_with_faults
@@ -31,6 +30,7 @@ from builder.calibration.ground_test.candidate_cases import harmonics_of_test
 from builder.calibration.ground_test.ground_test_readings import read_load_test
 from builder.calibration.ground_test.load_test import LoadTest
 from builder.calibration.ground_test.load_test_file import LoadTestFile, read_test_file
+from builder.calibration.ground_test.structure_of_test import prior_of_test, structure_of_test
 from builder.campaign.snapshot_fit import as_flown, vehicle_misfits
 from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.pipeline.calibration_report import PAGE, PDF, calibration_findings, report_files, write_report

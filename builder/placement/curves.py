@@ -14,12 +14,12 @@ import numpy as np
 from scipy.linalg import qr
 
 from builder.aero.surface.mesh import grid_of
-from builder.placement.counted_sensors import counted_sensors
 from builder.placement.design import Aim, Study, aimed
 from builder.placement.flight_models import FlightParts, flight_model
 from builder.placement.gaussian_model import GaussianModel
 from builder.placement.limits import Limits, rules_of
 from builder.placement.lost_gauge import loss_ratios
+from builder.placement.pressure_basis import counted_sensors
 from builder.placement.selection import best_of_starts, greedy, rounded
 from builder.reporting import Progress
 from builder.vehicle.gauges.sensor_entries import Ports, Sensors

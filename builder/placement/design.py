@@ -22,7 +22,6 @@ from builder.placement.candidates import (
     surface_candidates,
     with_gauges,
 )
-from builder.placement.counted_sensors import counted_sensors
 from builder.placement.flight_models import (
     FlightParts,
     Kind,
@@ -35,7 +34,7 @@ from builder.placement.flight_models import (
 from builder.placement.gaussian_model import GaussianModel
 from builder.placement.limits import Limits, Rules, rules_of
 from builder.placement.lost_gauge import LARGEST_RATIO, LostGauge, lost_gauges, without_weak_points
-from builder.placement.pressure_basis import pressure_basis
+from builder.placement.pressure_basis import counted_sensors, pressure_basis
 from builder.placement.relaxation import Relaxed, relaxed
 from builder.placement.selection import best_of_starts, exchanged, greedy, marginal_worth, rounded
 from builder.reporting import Progress, Reporter

@@ -24,9 +24,8 @@ from builder.inverse.problem import AnyStructure, gauge_noise_covariance, invers
 from builder.inverse.solution import Problem, mode_choice, pressure_modes
 from builder.manifold.nonlinear_build import tables_and_errors
 from builder.placement.candidate_strain import CandidateStrain
-from builder.placement.counted_sensors import CountedSensors
 from builder.placement.gaussian_model import GaussianModel
-from builder.placement.pressure_basis import PressureBasis
+from builder.placement.pressure_basis import CountedSensors, PressureBasis
 from builder.structure.as_built_kinds import KINDS
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map.model_form import model_form

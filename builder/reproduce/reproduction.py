@@ -23,7 +23,6 @@ from builder.reproduce.parity import ParityRow, Verdict, parity_rows, verdicts
 from builder.reproduce.protocol import HELD_OUT, P1, P2, PAPER, QUICK, TESTS, Sizes, sized
 from builder.reproduce.report import write_report
 from builder.reproduce.setups import SetUp, make_setups, pressures
-from builder.reproduce.store import SCHEMA_VERSION as STUDIES_VERSION
 from builder.reproduce.strain_models import (
     FOURIER,
     HEXAHEDRA,
@@ -45,6 +44,7 @@ from builder.reproduce.studies import (
     run_case_2,
     run_measurements,
 )
+from builder.reproduce.studies import SCHEMA_VERSION as STUDIES_VERSION
 from builder.vehicle.conditions.flight_conditions import ConditionSet
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
 from builder.vehicle.shape.geometry import SurfaceGrid, surface_grid

@@ -6,8 +6,9 @@ import json
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
+import h5py
 import numpy as np
 from numpy.typing import NDArray
 
@@ -46,14 +47,14 @@ from builder.reproduce.paper_readings import READINGS, SHIPPED, SPANS, Reading
 from builder.reproduce.protocol import EXAMPLES, HELD_OUT, NOISE_FREE_GAMMA, P1, P2, PUBLISHED_GAMMA
 from builder.reproduce.published import PUBLISHED
 from builder.reproduce.setups import SAME_MESH, Pressures, SetUp
-from builder.reproduce.store import load_studies, save_studies
 from builder.reproduce.strain_models import FOURIER, HEXAHEDRA, RECOVERED, TETRAHEDRA, StrainModel
 from builder.vehicle.conditions.flight_conditions import flow_key
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-from strainfmu.files import write_bytes_atomically
+from strainfmu.files import open_hdf5, write_bytes_atomically, write_hdf5_atomically
 from strainfmu.linear.pressure_modes import LowRankPrior, prior_of_snapshots
+from strainfmu.records import read_record, write_record
 
 Progress = Callable[[int, int], None]
 
@@ -288,3 +289,35 @@ def load_all(case_1: Path, case_2: Path, measurements: Path) -> Studies:
         modes=load_studies(DrawnModes, case_2, "modes")["drawn"].modes,
         measured=Measurements(**{**saved, **rows}),
     )
+
+
+Record = TypeVar("Record")
+
+SCHEMA = "strainfmu.reproduce.studies"
+SCHEMA_VERSION = 4
+
+UNITS = {"reference": "Pa", "estimate": "Pa", "projection": "Pa"}
+
+
+def save_studies(studies: Mapping[str, Any], path: Path) -> None:
+    """Write records atomically, each in the group of its name, such as ``independent/configuration_1``."""
+
+    def fill(file: h5py.File) -> None:
+        for name, record in studies.items():
+            write_record(file.create_group(name), record, UNITS)
+
+    write_hdf5_atomically(path, SCHEMA, SCHEMA_VERSION, fill)
+
+
+def load_studies(kind: type[Record], path: Path, folder: str) -> dict[str, Record]:
+    """Read the records of one ``folder`` of the file, all of type ``kind``, by name.
+
+    Raises
+    ------
+    InputError
+        The file is missing, damaged, or holds no such folder.
+    """
+    with open_hdf5(path, SCHEMA, SCHEMA_VERSION) as file:
+        if folder not in file:
+            raise InputError(f"{path}: holds no '{folder}'")
+        return {name: read_record(kind, group) for name, group in file[folder].items()}

@@ -45,16 +45,16 @@ from builder.vehicle.shape.sectioned_body import read_sections as read_sections_
 from builder.vehicle.shape.shape_entries import Reference, ReferenceQuantities, Shape
 from builder.vehicle.structure.section import Mass, MaterialEntry, Structure, Temperature
 from builder.vehicle.toml.entry_faults import Faults
-from builder.vehicle.toml.entry_limits import (
+from builder.vehicle.toml.reading import read_sections
+from builder.vehicle.toml.toml_sections import (
     MAX_CONDITIONS,
     MAX_ELEMENTS,
     MAX_GAUGES,
     MAX_PRESSURES,
     MIN_ELEMENTS,
+    Section,
     one_line,
 )
-from builder.vehicle.toml.reading import read_sections
-from builder.vehicle.toml.toml_sections import Section
 from strainfmu.errors import InputError
 from strainfmu.flight_condition import FlightCondition
 

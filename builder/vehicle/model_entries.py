@@ -7,8 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from builder.vehicle.toml.entry_limits import STREAM_ANGLE_DEG, once_each
-from builder.vehicle.toml.toml_sections import FileName, MachNumber, Section
+from builder.vehicle.toml.toml_sections import STREAM_ANGLE_DEG, FileName, MachNumber, Section, once_each
 from strainfmu.flight_condition import MACH_COLUMN
 
 ENGINE_NAMES = ("euler", "newtonian", "table")

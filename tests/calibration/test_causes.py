@@ -9,7 +9,6 @@ import pytest
 from as_built_case import TITANIUM
 from drawn_tests import blank_test, drawn_readings
 
-from builder.calibration.as_built.structure_of_test import joint_candidates, prior_of_test
 from builder.calibration.estimate.cause import Cause
 from builder.calibration.estimate.causes import Evidence, causes_of
 from builder.calibration.estimate.estimated_vehicle import usable
@@ -20,6 +19,7 @@ from builder.calibration.estimate.remarks import remarks, unexplained
 from builder.calibration.ground_test.candidate_cases import harmonics_of_test
 from builder.calibration.ground_test.load_changes import common_turns, tilted
 from builder.calibration.ground_test.load_test import KnownLoad, LoadErrors
+from builder.calibration.ground_test.structure_of_test import joint_candidates, prior_of_test
 from builder.calibration.score.simulated_test import pads
 from builder.structure.as_built.as_built_structure import AsBuiltStructure
 from builder.structure.as_built.as_built_vehicle import slices

@@ -9,12 +9,12 @@ import pytest
 from drawn_tests import blank_test
 from sweeps import sweep
 
-from builder.calibration.as_built.structure_of_test import prior_of_test
 from builder.calibration.estimate.ground_test_faults import calibrate_with_faults
 from builder.calibration.estimate.load_steps import step_parts
 from builder.calibration.estimate.readings_model import ReadingsModel
 from builder.calibration.estimate.remarks import remarks
 from builder.calibration.ground_test.load_test import LoadErrors, LoadStep
+from builder.calibration.ground_test.structure_of_test import prior_of_test
 from builder.structure.as_built.as_built_structure import AsBuiltStructure
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray

@@ -21,10 +21,9 @@ from builder.inverse.build import build_inverse_map
 from builder.inverse.modes.mode_choice import mode_choice_lines
 from builder.inverse.noise.model import nuisance_modes
 from builder.reports.build_report.build_findings import BuildReport, build_report, exclusions
-from builder.reports.build_report.build_page import report_page, write_numbers
+from builder.reports.build_report.build_page import first_screen, report_page, write_numbers
 from builder.reports.build_report.build_sections import blind_line, blindness_text
 from builder.reports.build_report.build_tables import report_tables
-from builder.reports.build_report.first_screen import first_screen
 from builder.reports.page.html import Page, Paragraph, Section, page_html, picture
 from builder.reports.page.origin import input_files
 from builder.reports.page.page_tables import Column, shown

@@ -22,9 +22,8 @@ from thermal_maps import with_temperature
 
 from builder.inverse.noise.model import gauge_noise
 from builder.reports.build_report.build_findings import BuildReport
-from builder.reports.build_report.build_page import report_page, write_numbers
+from builder.reports.build_report.build_page import first_screen, report_page, write_numbers
 from builder.reports.build_report.build_tables import report_tables
-from builder.reports.build_report.first_screen import first_screen
 from builder.reports.findings.envelope_states import ALL, FEW, envelope, estimated_at, flight_accuracy, strain_at
 from builder.reports.findings.estimator_in_use import (
     OF_GAUGES,

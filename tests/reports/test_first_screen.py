@@ -13,8 +13,7 @@ from chromium import PROGRAM, Browser
 from clipping import set_width, show
 
 from builder.reports.build_report.build_findings import BuildReport
-from builder.reports.build_report.build_page import write_numbers
-from builder.reports.build_report.first_screen import UNMEASURED, WELL, first_screen
+from builder.reports.build_report.build_page import UNMEASURED, WELL, first_screen, write_numbers
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 
 

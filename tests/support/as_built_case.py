@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from builder.calibration.as_built.structure_of_test import structure_of_test
+from builder.calibration.ground_test.structure_of_test import structure_of_test
 from builder.structure.as_built.as_built_structure import AsBuiltStructure, as_built_structure
 from builder.structure.as_built.as_built_vehicle import (
     AsBuilt,

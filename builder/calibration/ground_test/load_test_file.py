@@ -21,9 +21,8 @@ from builder.structure.as_built_kinds import OF_LOADS
 from builder.structure.loads.applied import Load
 from builder.structure.loads.temperature import uniform_temperature
 from builder.vehicle.toml.entry_faults import Faults
-from builder.vehicle.toml.entry_limits import one_line
 from builder.vehicle.toml.reading import read_sections
-from builder.vehicle.toml.toml_sections import FileName, Section
+from builder.vehicle.toml.toml_sections import FileName, Section, one_line
 from strainfmu.files import write_bytes_atomically
 
 

@@ -20,10 +20,10 @@ import numpy as np
 from builder.aero.loads.operator import coefficients_of, load_operator
 from builder.calibration.after_test.calibrated_map import calibrated_map, calibrated_structure
 from builder.calibration.after_test.left_by_test import LeftByTest, Remaining
-from builder.calibration.as_built.structure_of_test import prior_of_test, structure_of_test
 from builder.calibration.estimate.readings_model import ReadingsModel
 from builder.calibration.ground_test.candidate_cases import LoadLimits, PlannedCase, known_loads
 from builder.calibration.ground_test.load_test import KnownLoad, LoadCase, LoadErrors, LoadTest
+from builder.calibration.ground_test.structure_of_test import prior_of_test, structure_of_test
 from builder.calibration.plan.load_plan import PlanParts, load_plan, run_order
 from builder.calibration.score.simulated_test import standard_load_cases
 from builder.campaign.snapshots import Snapshots, load_snapshots, snapshots_on

@@ -15,8 +15,18 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, Field, field_validator, model_validator
 
-from builder.vehicle.toml.entry_limits import ALTITUDE_KM, MACH_NUMBER, MAX_CONDITIONS, STREAM_ANGLE_DEG, once_each
-from builder.vehicle.toml.toml_sections import Altitude, FileName, MachNumber, Section, StreamAngle
+from builder.vehicle.toml.toml_sections import (
+    ALTITUDE_KM,
+    MACH_NUMBER,
+    MAX_CONDITIONS,
+    STREAM_ANGLE_DEG,
+    Altitude,
+    FileName,
+    MachNumber,
+    Section,
+    StreamAngle,
+    once_each,
+)
 from strainfmu.errors import InputError
 from strainfmu.flight_condition import ALTITUDE_COLUMN, CONDITION_COLUMNS, FlightCondition
 from strainfmu.text_files import read_csv, shown_columns

@@ -10,8 +10,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
-from builder.vehicle.toml.entry_limits import once_each
-from builder.vehicle.toml.toml_sections import FileName, Section, Station
+from builder.vehicle.toml.toml_sections import FileName, Section, Station, once_each
 from strainfmu.estimator.settings import SENSOR_RANGE
 
 GaugeLength = Annotated[float, Field(ge=0.0, le=100.0)]

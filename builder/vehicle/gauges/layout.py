@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from builder.vehicle.toml.entry_limits import MAX_GAUGES, Limits
+from builder.vehicle.toml.toml_sections import MAX_GAUGES, Limits
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.text_files import read_csv, shown_columns

@@ -7,8 +7,7 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field, field_validator, model_validator
 
 from builder.vehicle.gauges.layout import DIRECTION
-from builder.vehicle.toml.entry_limits import one_line
-from builder.vehicle.toml.toml_sections import Section, Station
+from builder.vehicle.toml.toml_sections import Section, Station, one_line
 
 Percent = Annotated[float, Field(ge=0.0, le=100.0)]
 RollAngle = Annotated[float, Field(ge=-360.0, le=360.0)]

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, field_validator, model_validator
 
-from builder.vehicle.toml.entry_limits import GAMMA, one_line
-from builder.vehicle.toml.toml_sections import Altitude, FileName, Section, Station
+from builder.vehicle.toml.toml_sections import GAMMA, Altitude, FileName, Section, Station, one_line
 from strainfmu.atmosphere import DEVIATION_OF_AIR
 from strainfmu.estimator.map.inverse_map import FORMS, PER_PRESSURE
 from strainfmu.linear.regularisation import RULES

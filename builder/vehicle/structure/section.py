@@ -14,8 +14,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, field_validator, model_validator
 
-from builder.vehicle.toml.entry_limits import INTERNAL_PRESSURE_PA
-from builder.vehicle.toml.toml_sections import FileName, Section, Station
+from builder.vehicle.toml.toml_sections import INTERNAL_PRESSURE_PA, FileName, Section, Station
 from strainfmu.arrays import FloatArray
 from strainfmu.flight_condition import FlightCondition
 

@@ -44,7 +44,7 @@ from builder.aero.euler.starts.spherical_start import (
     start_behind_cap,
     tip_grid,
 )
-from builder.vehicle.toml.entry_limits import MACH_NUMBER
+from builder.vehicle.toml.toml_sections import MACH_NUMBER
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import FlowReachError
 
