@@ -106,12 +106,25 @@ def test_whatever_clocks_do_an_age_is_at_most_the_time_since_the_result_that_was
     assert found.largest_uncertainty < 5 * PERIOD
 
 
-def test_a_gauge_without_value_does_not_hide_a_frozen_sender() -> None:
-    """All others repeat their readings: nothing is used whose delay and freezing exceed the largest age."""
-    acts = [Act("freeze", 87, 114, 0.05), Act("steps with delay", 60, 93, 0.4), Act("no value", 63, 90, 0.66)]
-    found = run_scenario("classic-le", 9_420_076, acts)
+FROZEN = (
+    (
+        *("classic-le", 9_420_076, "beside a gauge without value: all others repeat their readings"),
+        [Act("freeze", 87, 114, 0.05), Act("steps with delay", 60, 93, 0.4), Act("no value", 63, 90, 0.66)],
+    ),
+    (
+        *("fd64", 9_510_652, "behind a recording, whose readings were others"),
+        [Act("freeze", 72, 108, 0.5), Act("large step ahead", 66, 119, 0.45), Act("recording", 60, 74, 0.48)],
+    ),
+)
+
+
+@pytest.mark.parametrize(("profile", "seed", "what", "acts"), FROZEN)
+def test_a_frozen_sender_is_not_used_beyond_the_largest_age(
+    profile: str, seed: int, what: str, acts: list[Act]
+) -> None:
+    found = run_scenario(profile, seed, acts)
     assert_nothing_false(found)
-    assert found.beyond == []
+    assert found.beyond == [], what
 
 
 @pytest.mark.parametrize("profile", ["fd64", "classic-le"])

@@ -184,7 +184,8 @@ static uint32_t find_age(const SbPlan *p, SbState *s, int64_t ticks, int counter
     return causes;
 }
 
-/* For how long no reading came of a frame that has come now, beyond a cycle [s]; all these have come now. */
+/* For how long no reading came of a frame that has come now, beyond a cycle [s]; all these have come now. Behind a jump of
+   the clock those of before may have been a recording's: as long as it says. */
 static double time_lost(const SbPlan *p, SbState *s, int64_t ticks) {
     double longest = 0.0;
     for (int i = 0; i < p->n_slots; i++) {
@@ -193,7 +194,10 @@ static double time_lost(const SbPlan *p, SbState *s, int64_t ticks) {
             continue;
         }
         const int by_clock = ticks >= 0 && q->heard_ticks >= 0 && s->goes_on;
-        const double since = by_clock ? p->tick * (double)ticks_ahead(ticks, q->heard_ticks, p->bits) : s->first - q->heard;
+        const double jump = ticks >= 0 && !s->goes_on ? s->step_time : 0.0, passed = s->first - q->heard;
+        const double since = by_clock        ? p->tick * (double)ticks_ahead(ticks, q->heard_ticks, p->bits)
+                             : jump > passed ? jump
+                                             : passed;
         const double lost = q->heard > -INFINITY ? since - p->cycle : 0.0;
         longest = lost > longest ? lost : longest;
         q->heard = s->first;
