@@ -9,7 +9,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from builder.vehicle.conditions.flight_conditions import condition_grid, flow_key
+from builder.vehicle.flight_conditions import condition_grid, flow_key
 from strainfmu.atmosphere import (
     LAYERS,
     dynamic_pressure,

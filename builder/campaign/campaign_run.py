@@ -27,8 +27,8 @@ from builder.campaign.scheduling import Scheduling, solve_flows
 from builder.campaign.snapshots import KeptFlows, Snapshots, load_flows, load_snapshots, save_snapshots
 from builder.campaign.worker import FailedFlow
 from builder.reporting import Reporter
-from builder.vehicle.conditions.flight_conditions import ConditionSet
 from builder.vehicle.file import Vehicle
+from builder.vehicle.flight_conditions import ConditionSet
 from builder.vehicle.shape.geometry import SurfaceGrid, surface_grid
 from builder.vehicle.shape.profile_entries import profile_record
 from builder.vehicle.shape.shape_entries import ReferenceQuantities

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from builder.campaign.snapshots import Snapshots
-from builder.vehicle.conditions.flight_conditions import flow_key
+from builder.vehicle.flight_conditions import flow_key
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 

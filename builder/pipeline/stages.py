@@ -71,8 +71,8 @@ from builder.trial.readings import World
 from builder.truth.revolution.flow_table import flow_inputs, save_flow_table, solved_flows, truth_knots
 from builder.truth.revolution.strain import TrueStructure, true_structure
 from builder.truth.shape import shape_flows
-from builder.vehicle.conditions.flight_conditions import ConditionSet
 from builder.vehicle.file import Vehicle, load_vehicle
+from builder.vehicle.flight_conditions import ConditionSet
 from builder.vehicle.map_needs import check_map_size, used_layouts, why_linear
 from builder.vehicle.model_entries import Resolution
 from builder.workspace import refuse_misfits

@@ -10,13 +10,13 @@ from math import radians
 
 from builder.campaign.scheduling import Scheduling
 from builder.structure.solid.swept_mesh import RESOLUTIONS, SweptResolution
-from builder.vehicle.conditions.flight_conditions import (
+from builder.vehicle.file import Vehicle
+from builder.vehicle.flight_conditions import (
     PUBLISHED_ALTITUDE,
     ConditionSet,
     condition_grid,
     condition_set,
 )
-from builder.vehicle.file import Vehicle
 from builder.vehicle.model_entries import Resolution
 from strainfmu.flight_condition import FlightCondition
 

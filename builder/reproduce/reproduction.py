@@ -45,8 +45,8 @@ from builder.reproduce.studies import (
     run_measurements,
 )
 from builder.reproduce.studies import SCHEMA_VERSION as STUDIES_VERSION
-from builder.vehicle.conditions.flight_conditions import ConditionSet
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
+from builder.vehicle.flight_conditions import ConditionSet
 from builder.vehicle.shape.geometry import SurfaceGrid, surface_grid
 from builder.workspace import Workspace
 

@@ -48,7 +48,7 @@ from builder.reproduce.protocol import EXAMPLES, HELD_OUT, NOISE_FREE_GAMMA, P1,
 from builder.reproduce.published import PUBLISHED
 from builder.reproduce.setups import SAME_MESH, Pressures, SetUp
 from builder.reproduce.strain_models import FOURIER, HEXAHEDRA, RECOVERED, TETRAHEDRA, StrainModel
-from builder.vehicle.conditions.flight_conditions import flow_key
+from builder.vehicle.flight_conditions import flow_key
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError

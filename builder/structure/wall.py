@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from builder.vehicle.file import Vehicle
-from builder.vehicle.structure.section import MaterialEntry, Structure
+from builder.vehicle.structure_section import MaterialEntry, Structure
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 

@@ -18,8 +18,8 @@ import numpy as np
 from pydantic import Field
 
 from builder.truth.revolution.flow_table import FlowTable, flow_states
-from builder.vehicle.conditions.flight_conditions import Conditions
 from builder.vehicle.file import Vehicle
+from builder.vehicle.flight_conditions import Conditions
 from builder.vehicle.toml.toml_sections import Altitude, Section
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import FlowReachError, InputError

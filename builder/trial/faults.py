@@ -26,7 +26,7 @@ from builder.structure.loads.temperature import temperature_mode
 from builder.truth.revolution.flow_table import truth_surface
 from builder.vehicle.file import Vehicle
 from builder.vehicle.model_entries import Resolutions
-from builder.vehicle.structure.section import Mass, Temperature, TemperatureSensor
+from builder.vehicle.structure_section import Mass, Temperature, TemperatureSensor
 from builder.vehicle.toml.toml_sections import Section
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.errors import InputError

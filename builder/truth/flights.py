@@ -14,7 +14,7 @@ from builder.structure.as_built.as_built_vehicle import AsBuilt, Counts
 from builder.structure.as_built_kinds import ALWAYS_DRAWN, IN_NOISE
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map.options import Noise
-from builder.vehicle.structure.section import Structure
+from builder.vehicle.structure_section import Structure
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
 from strainfmu.flight_condition import FlightCondition

@@ -31,8 +31,8 @@ from builder.structure.solid.gauge_layouts import DISPLACED, displaced_name
 from builder.structure.solid.solid_model import on_other_mesh
 from builder.structure.structure_file import MeshCheck, Structure
 from builder.truth.flights import Flights, pressures_at
-from builder.vehicle.conditions.flight_conditions import ConditionSet
 from builder.vehicle.file import Vehicle
+from builder.vehicle.flight_conditions import ConditionSet
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.cosim.models.trajectory import Trajectory
 from strainfmu.errors import FlowReachError, InputError

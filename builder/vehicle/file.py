@@ -15,7 +15,7 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, Field, PrivateAttr, model_validator
 
-from builder.vehicle.conditions.flight_conditions import Conditions, FlowParameter, condition_grid
+from builder.vehicle.flight_conditions import Conditions, FlowParameter, condition_grid
 from builder.vehicle.gauges.gauge_entries import Gauges, Recorder
 from builder.vehicle.gauges.sensor_entries import Sensors
 from builder.vehicle.map.options import Calibration, MapEntry, Noise
@@ -43,7 +43,7 @@ from builder.vehicle.shape.profile_entries import Piece
 from builder.vehicle.shape.sectioned_body import SectionedBody
 from builder.vehicle.shape.sectioned_body import read_sections as read_sections_of_body
 from builder.vehicle.shape.shape_entries import Reference, ReferenceQuantities, Shape
-from builder.vehicle.structure.section import Mass, MaterialEntry, Structure, Temperature
+from builder.vehicle.structure_section import Mass, MaterialEntry, Structure, Temperature
 from builder.vehicle.toml.entry_faults import Faults
 from builder.vehicle.toml.reading import read_sections
 from builder.vehicle.toml.toml_sections import (

@@ -35,8 +35,8 @@ from builder.truth.revolution.strain import (
     TrueStructure,
     without_faint_harmonics,
 )
-from builder.vehicle.conditions.flight_conditions import ConditionSet
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
+from builder.vehicle.flight_conditions import ConditionSet
 from strainfmu.cosim.models.trajectory import load_trajectory
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState

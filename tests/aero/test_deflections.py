@@ -33,8 +33,8 @@ from builder.inverse.envelope import parameter_ranges
 from builder.reporting import Silent
 from builder.structure.solid.case import structure_case
 from builder.structure.solid.mesh_files import read_mesh
-from builder.vehicle.conditions.flight_conditions import ConditionSet
 from builder.vehicle.file import VEHICLES, Vehicle, load_vehicle
+from builder.vehicle.flight_conditions import ConditionSet
 from strainfmu.errors import FlowReachError, InputError
 from strainfmu.estimator.map.validity import valid_ranges
 from strainfmu.flight_condition import FlightCondition

@@ -17,8 +17,8 @@ from builder.campaign.journal import encode_record, journal_path
 from builder.campaign.scheduling import Scheduling
 from builder.campaign.snapshots import load_flows
 from builder.reporting import Silent
-from builder.vehicle.conditions.flight_conditions import ConditionSet
 from builder.vehicle.file import Vehicle
+from builder.vehicle.flight_conditions import ConditionSet
 from strainfmu.flight_condition import FlightCondition
 
 THREADS = Scheduling(workers=0)

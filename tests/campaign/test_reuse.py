@@ -17,8 +17,8 @@ from ogive import OGIVE
 from builder.campaign.campaign_run import run_campaign
 from builder.campaign.snapshots import Snapshots, load_flows, load_snapshots
 from builder.reporting import Progress, Silent
-from builder.vehicle.conditions.flight_conditions import condition_grid
 from builder.vehicle.file import Vehicle, load_vehicle
+from builder.vehicle.flight_conditions import condition_grid
 
 
 def changed(vehicle: Vehicle, **entries: Any) -> Vehicle:

@@ -15,8 +15,8 @@ from builder.aero.engines.registry import make_engine
 from builder.campaign.failures import extreme_conditions, flows_out_of_reach
 from builder.pipeline.demonstration.flown_shape import manoeuvre_warnings
 from builder.reporting import Silent
-from builder.vehicle.conditions.flight_conditions import condition_grid
 from builder.vehicle.file import IC3X, VEHICLES, load_vehicle
+from builder.vehicle.flight_conditions import condition_grid
 from strainfmu.cosim.models.trajectory import load_trajectory
 
 Run = Callable[..., tuple[int, str, str]]

@@ -12,7 +12,7 @@ from builder.aero.surface.mesh import mesh_of_grid
 from builder.campaign.snapshots import Snapshots
 from builder.figures import snapshot_figures
 from builder.figures.drawing import save
-from builder.vehicle.conditions.flight_conditions import condition_grid
+from builder.vehicle.flight_conditions import condition_grid
 from builder.vehicle.shape.geometry import chain_segments, surface_grid
 
 HALF_ANGLE = radians(10.0)

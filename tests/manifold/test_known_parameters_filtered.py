@@ -10,7 +10,7 @@ from shape_case import ALTITUDE, flown, shape_structure, shape_vehicle
 from thermal_maps import REFERENCE, with_temperature
 
 from builder.aero.loads.groups import six_loads
-from builder.vehicle.conditions.flight_conditions import condition_grid
+from builder.vehicle.flight_conditions import condition_grid
 from strainfmu.estimator.air_inputs import QSource
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator

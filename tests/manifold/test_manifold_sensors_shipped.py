@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from builder.structure.fourier.fourier_model import structural_model
-from builder.vehicle.conditions.flight_conditions import ConditionSet, condition_grid
 from builder.vehicle.file import IC3X, load_vehicle
+from builder.vehicle.flight_conditions import ConditionSet, condition_grid
 from builder.vehicle.gauges.sensor_entries import Sensors
 from tests.inverse.sensors.test_sensors import CELLS, IMU, PORTS
 from tests.inverse.sensors.test_sensors_shipped import NUISANCES, RANGE, flown

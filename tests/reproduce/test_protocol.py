@@ -12,8 +12,8 @@ from builder.structure.fourier.fourier_model import place_layouts
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.gauge_checks import check_gauges
 from builder.structure.wall import wall_of
-from builder.vehicle.conditions.flight_conditions import flow_key
 from builder.vehicle.file import IC3X, load_vehicle
+from builder.vehicle.flight_conditions import flow_key
 
 pytestmark = pytest.mark.fast
 

@@ -14,8 +14,8 @@ from builder.campaign.snapshots import Snapshots
 from builder.structure.as_built.as_built_structure import AsBuiltStructure, as_built_structure
 from builder.structure.as_built.as_built_vehicle import as_built_std, draw_as_built
 from builder.structure.loads.loaded_structure import LoadProperties
-from builder.vehicle.conditions.flight_conditions import condition_grid
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
+from builder.vehicle.flight_conditions import condition_grid
 from builder.vehicle.model_entries import Resolution, Resolutions
 from strainfmu.estimator.map.inverse_map import InverseMap
 

@@ -31,8 +31,8 @@ from builder.truth.revolution.flow_table import (
     truth_surface,
 )
 from builder.truth.revolution.strain import TrueFlights, TrueStructure, flights_of_flows, true_structure
-from builder.vehicle.conditions.flight_conditions import condition_grid
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
+from builder.vehicle.flight_conditions import condition_grid
 from builder.vehicle.map.options import MapEntry
 from builder.vehicle.model_entries import Resolution, Resolutions
 from strainfmu.flight_condition import FlightCondition

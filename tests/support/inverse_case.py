@@ -12,8 +12,8 @@ from builder.campaign.campaign_run import snapshots_of_flows, vehicle_campaign
 from builder.campaign.scheduling import Scheduling, solve_flows
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.noise.model import NoiseModel, gauge_noise, truncated_modes
-from builder.vehicle.conditions.flight_conditions import ConditionSet
 from builder.vehicle.file import Vehicle
+from builder.vehicle.flight_conditions import ConditionSet
 from strainfmu.flight_condition import FlightCondition
 from strainfmu.linear.pressure_modes import LowRankPrior, PressureModes
 from strainfmu.linear.state_map import GaussianMap, LeastSquaresMap, gaussian_map, least_squares_map

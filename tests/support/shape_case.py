@@ -17,8 +17,8 @@ from builder.inverse.build import build_inverse_map
 from builder.manifold.nonlinear_build import with_manifold
 from builder.reporting import Silent
 from builder.structure.mapped_structure import MappedStructure
-from builder.vehicle.conditions.flight_conditions import ConditionSet, condition_grid
 from builder.vehicle.file import VEHICLES, Vehicle, load_vehicle
+from builder.vehicle.flight_conditions import ConditionSet, condition_grid
 from builder.vehicle.gauges.layout import GaugeLayout
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.map.inverse_map import InverseMap

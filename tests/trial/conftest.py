@@ -25,10 +25,10 @@ from builder.trial.cases import cases_for, load_trial
 from builder.trial.readings import World
 from builder.truth.revolution.flow_table import FlowTable, solved_flows
 from builder.truth.revolution.strain import TrueStructure
-from builder.vehicle.conditions.flight_conditions import FlowParameter
 from builder.vehicle.file import Vehicle
+from builder.vehicle.flight_conditions import FlowParameter
 from builder.vehicle.gauges.sensor_entries import InertialUnit, Ports, Sensors
-from builder.vehicle.structure.section import Mass
+from builder.vehicle.structure_section import Mass
 from strainfmu.estimator.map.inverse_map import InverseMap
 
 

@@ -10,7 +10,7 @@ from builder.structure.as_built_kinds import ALWAYS_DRAWN, IN_NOISE
 from builder.trial.cases import FILES, Case, cases_for, load_trial
 from builder.vehicle.file import IC3X, VEHICLES, Vehicle, load_vehicle
 from builder.vehicle.map.options import HARDWARE_ERRORS, Noise
-from builder.vehicle.structure.section import Mass
+from builder.vehicle.structure_section import Mass
 from strainfmu.errors import FaultsError, InputError
 
 pytestmark = pytest.mark.fast

@@ -23,8 +23,8 @@ from builder.aero.cfd.manifest import load_manifest
 from builder.inverse.problem import nuisance_terms
 from builder.structure.external.nastran.results import read_nastran_gauges
 from builder.structure.external.strain_table import read_strain_table
-from builder.vehicle.conditions.flight_conditions import read_conditions
 from builder.vehicle.file import load_vehicle
+from builder.vehicle.flight_conditions import read_conditions
 from builder.vehicle.gauges.layout import read_gauge_table, read_layout
 from builder.vehicle.shape.profile_entries import read_profile
 from builder.vehicle.shape.sectioned_body import read_sections

@@ -24,7 +24,7 @@ from builder.aero.euler.bodies.solver import FlowSolution, FullFlowSolution, sol
 from builder.aero.euler.planes import MarchingGrid
 from builder.aero.shapes import node_roll_angles, sections_grid, sections_mesh
 from builder.aero.surface.mesh import SurfaceMesh, mesh_of_grid
-from builder.vehicle.conditions.flight_conditions import flow_key
+from builder.vehicle.flight_conditions import flow_key
 from builder.vehicle.shape.geometry import BodyOfRevolution, SurfaceGrid
 from builder.vehicle.shape.sectioned_body import SectionedBody
 from strainfmu.arrays import FloatArray

@@ -17,8 +17,8 @@ import numpy as np
 
 from builder.aero.loads.operator import coefficient_scale
 from builder.campaign.snapshots import Snapshots
-from builder.vehicle.conditions.flight_conditions import flow_key
 from builder.vehicle.file import Vehicle
+from builder.vehicle.flight_conditions import flow_key
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import ComplexArray, FloatArray, IntArray
 from strainfmu.errors import InputError

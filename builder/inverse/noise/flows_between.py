@@ -27,8 +27,8 @@ from builder.aero.engines.newtonian import NewtonianEngine
 from builder.aero.euler.planes import MarchingGrid
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.modes.ensemble import Ensemble
-from builder.vehicle.conditions.flight_conditions import flow_key
 from builder.vehicle.file import FlowEntries
+from builder.vehicle.flight_conditions import flow_key
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import FlowReachError
 from strainfmu.flight_condition import FlightCondition

@@ -20,7 +20,7 @@ from builder.structure.loads.applied import STANDARD_GRAVITY
 from builder.structure.wall import FlightMasses, flight_masses
 from builder.vehicle.file import Vehicle
 from builder.vehicle.model_entries import Resolution
-from builder.vehicle.structure.section import Mass
+from builder.vehicle.structure_section import Mass
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.estimator.map.sensors import CHANNELS, InertiaMap
 

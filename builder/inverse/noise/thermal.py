@@ -12,7 +12,7 @@ from builder.structure.loads.gauge_strain import gauge_strain, gauge_temperature
 from builder.structure.loads.of_vehicle import fourier_structure_of
 from builder.structure.loads.temperature import TemperatureField, temperature_mode
 from builder.vehicle.file import Vehicle
-from builder.vehicle.structure.section import Temperature
+from builder.vehicle.structure_section import Temperature
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.map.sensors import ThermalMap
 from strainfmu.estimator.signal_names import TEMPERATURE

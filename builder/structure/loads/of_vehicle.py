@@ -27,7 +27,7 @@ from builder.structure.loads.loaded_structure import LoadProperties
 from builder.structure.wall import Wall
 from builder.vehicle.file import Vehicle, load_vehicle
 from builder.vehicle.model_entries import Resolution
-from builder.vehicle.structure.section import MaterialEntry, Temperature
+from builder.vehicle.structure_section import MaterialEntry, Temperature
 from strainfmu.arrays import FloatArray
 from strainfmu.cosim.estimators.zeros_file import write_zeros
 from strainfmu.errors import InputError

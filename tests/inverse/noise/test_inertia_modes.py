@@ -21,7 +21,7 @@ from builder.structure.loads.applied import Acceleration
 from builder.structure.loads.gauge_strain import gauge_strain
 from builder.structure.loads.of_vehicle import fourier_structure_of
 from builder.vehicle.file import Vehicle
-from builder.vehicle.structure.section import CoverEntry, Mass, PointMassEntry
+from builder.vehicle.structure_section import CoverEntry, Mass, PointMassEntry
 from strainfmu.errors import InputError
 
 pytestmark = pytest.mark.fast

@@ -21,7 +21,7 @@ from builder.structure.loads.gauge_strain import gauge_strain
 from builder.structure.loads.of_vehicle import fourier_structure_of
 from builder.structure.loads.temperature import uniform_temperature
 from builder.vehicle.file import Vehicle
-from builder.vehicle.structure.section import Temperature, TemperatureSensor
+from builder.vehicle.structure_section import Temperature, TemperatureSensor
 from strainfmu.estimator.map.sensors import ThermalMap
 from strainfmu.estimator.reference.readings import amplitudes
 

@@ -10,8 +10,8 @@ from builder.campaign.campaign_run import snapshots_of_flows, vehicle_campaign
 from builder.campaign.scheduling import Scheduling, solve_flows
 from builder.campaign.snapshots import Snapshots
 from builder.structure.fourier.fourier_model import structural_model
-from builder.vehicle.conditions.flight_conditions import ConditionSet, condition_grid
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
+from builder.vehicle.flight_conditions import ConditionSet, condition_grid
 from builder.vehicle.gauges.sensor_entries import Sensors
 from tests.inverse.sensors.test_sensors import CELLS, IMU, PORTS, scored, with_sensors
 

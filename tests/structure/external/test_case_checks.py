@@ -16,8 +16,8 @@ from builder.aero.surface.mesh import mesh_of_grid
 from builder.structure.external.load_export import load_cases
 from builder.structure.external.strain_per_snapshot import check_cases
 from builder.structure.fourier.fourier_model import StructuralModel
-from builder.vehicle.conditions.flight_conditions import condition_grid
 from builder.vehicle.file import Vehicle
+from builder.vehicle.flight_conditions import condition_grid
 from strainfmu.errors import InputError
 from strainfmu.flight_condition import FlightCondition
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 from ogive import OGIVE
 
-from builder.vehicle.conditions.flight_conditions import condition_set, count_repeated, flow_key, read_conditions
 from builder.vehicle.file import load_vehicle
+from builder.vehicle.flight_conditions import condition_set, count_repeated, flow_key, read_conditions
 from strainfmu.errors import InputError
 from strainfmu.flight_condition import FlightCondition
 

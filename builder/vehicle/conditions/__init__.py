@@ -1,1 +1,0 @@
-"""Flight conditions at which snapshots are taken, and flow parameters such as deflections."""
