@@ -1,43 +1,24 @@
 """Flow parameters that are known with a deviation sharpen the nonlinear estimate of any shape."""
 
-from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from deflected_shape import NAME, deflected, known_map, snapshots_of_grid
-from shape_case import N_D, flown, grid_conditions, shape_structure, shape_vehicle
+from deflected_shape import NAME, flights, known_map, snapshots_of_grid
+from shape_case import N_D, shape_structure, shape_vehicle
 
 from builder.aero.loads.groups import six_loads
-from builder.campaign.snapshots import Snapshots
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.flight_tables import evaluate
-from strainfmu.estimator.map.inverse_map import load_inverse_map, save_inverse_map
 from strainfmu.estimator.map.nonlinear_map import with_known
 
 
-@cache
-def flights() -> tuple[Snapshots, np.ndarray]:
-    """Return flights at random deflections, and what the gauges read."""
-    random = np.random.default_rng(3)
-    conditions = grid_conditions(mach=(6.2, 6.8), alpha=(-3.0, 1.0, 2.5), beta=(-1.5, 0.4))
-    snapshots = deflected(flown(conditions), random.uniform(-4.0, 4.0, len(conditions)))
-    net = snapshots.pressure - snapshots.internal_pressure[:, None]
-    strain = net @ shape_structure(snapshots.surface).strain_operator("four_rows").T
-    return snapshots, strain + known_map().noise_std * random.standard_normal(strain.shape)
-
-
 def estimated(**known: Any) -> Estimate:
-    snapshots, strain = flights()
-    q, mach = (
-        np.array([getattr(one, name) for one in snapshots.conditions()])
-        for name in ("dynamic_pressure", "mach_number")
-    )
-    return Estimator(known_map()).estimate(strain, q, mach_number=mach, q_source="independent", **known)
+    _, strain, flow = flights()
+    return Estimator(known_map()).estimate(strain, **flow, q_source="independent", **known)
 
 
 def stated(std: float) -> Estimate:
@@ -89,24 +70,6 @@ def test_a_value_without_deviation_and_one_of_a_boundless_one_change_nothing() -
     np.testing.assert_allclose(boundless.coefficients, blind.coefficients, rtol=1e-5, atol=1e-9)
     np.testing.assert_allclose(boundless.coefficients_std, blind.coefficients_std, rtol=1e-5)
     np.testing.assert_allclose(boundless.other_coefficients_std, blind.other_coefficients_std, rtol=1e-5)
-
-
-def test_step_by_step_a_known_deflection_gives_the_same(tmp_path: Path) -> None:
-    save_inverse_map(known_map(), tmp_path / "map.h5")
-    snapshots, strain = flights()
-    whole, tracker = stated(0.05), Estimator(load_inverse_map(tmp_path / "map.h5"))
-    condition = snapshots.conditions()[0]
-    for _ in range(3):
-        found = tracker.track(
-            strain[0],
-            condition.dynamic_pressure,
-            mach_number=condition.mach_number,
-            q_source="independent",
-            parameters={NAME: condition.parameters[0]},
-            parameters_std={NAME: 0.05},
-        )
-    np.testing.assert_allclose(found.coefficients, whole.coefficients[0], rtol=1e-4, atol=1e-7)
-    np.testing.assert_allclose(found.other_coefficients_std, whole.other_coefficients_std[0], rtol=1e-4)
 
 
 def test_values_that_cannot_be_spoil_no_other_sample() -> None:

@@ -1,16 +1,13 @@
 """Flow parameters that are known with a deviation sharpen the pressure on the surface."""
 
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from deflected_shape import NAME, deflected, known_map, snapshots_of_grid
-from shape_case import flown, grid_conditions, shape_structure
+from deflected_shape import NAME, flights, known_map, snapshots_of_grid
 
-from builder.campaign.snapshots import Snapshots
 from builder.trial.bound import KNOWN, cramer_rao_bound
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimate import Estimate, PressureField
@@ -27,19 +24,6 @@ def held() -> tuple[ManifoldMap, ShapeField]:
     assert manifold is not None
     assert manifold.shape_field is not None
     return manifold, manifold.shape_field
-
-
-@cache
-def flights() -> tuple[Snapshots, np.ndarray, dict[str, np.ndarray]]:
-    """Return flights at random deflections, what the gauges read, and navigation."""
-    random = np.random.default_rng(3)
-    conditions = grid_conditions(mach=(6.2, 6.8), alpha=(-3.0, 1.0, 2.5), beta=(-1.5, 0.4))
-    snapshots = deflected(flown(conditions), random.uniform(-4.0, 4.0, len(conditions)))
-    net = snapshots.pressure - snapshots.internal_pressure[:, None]
-    strain = net @ shape_structure(snapshots.surface).strain_operator("four_rows").T
-    names = "dynamic_pressure", "mach_number"
-    flow = {name: np.array([getattr(one, name) for one in snapshots.conditions()]) for name in names}
-    return snapshots, strain + known_map(keep_field=True).noise_std * random.standard_normal(strain.shape), flow
 
 
 def estimated(**known: Any) -> Estimate:

@@ -6,7 +6,7 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
-from shape_case import grid_conditions, grid_snapshots, shape_structure, shape_vehicle
+from shape_case import flown, grid_conditions, grid_snapshots, shape_structure, shape_vehicle
 
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
@@ -49,3 +49,16 @@ def known_map(keep_field: bool = False) -> InverseMap:
     snapshots = snapshots_of_grid()
     structure = shape_structure(snapshots.surface)
     return with_manifold(build_inverse_map(vehicle, snapshots, structure), vehicle, snapshots, structure)
+
+
+@cache
+def flights() -> tuple[Snapshots, np.ndarray, dict[str, np.ndarray]]:
+    """Return flights at random deflections, what the gauges read (k, n_d), and dynamic pressure and Mach number."""
+    random = np.random.default_rng(3)
+    conditions = grid_conditions(mach=(6.2, 6.8), alpha=(-3.0, 1.0, 2.5), beta=(-1.5, 0.4))
+    snapshots = deflected(flown(conditions), random.uniform(-4.0, 4.0, len(conditions)))
+    net = snapshots.pressure - snapshots.internal_pressure[:, None]
+    strain = net @ shape_structure(snapshots.surface).strain_operator("four_rows").T
+    names = "dynamic_pressure", "mach_number"
+    flow = {name: np.array([getattr(one, name) for one in snapshots.conditions()]) for name in names}
+    return snapshots, strain + known_map().noise_std * random.standard_normal(strain.shape), flow

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from damaged_resource import refusal
-from deflected_shape import NAME, deflected, known_map
+from deflected_shape import NAME, known_map
+from deflected_shape import flights as flights_of_shape
 from raw_fmu import OK, Fmu2, write_resource
-from shape_case import flown, grid_conditions, shape_structure
 
 from strainfmu.estimator.air_inputs import AIR_DATA_NAMES
 from strainfmu.estimator.estimate import Estimate
@@ -53,17 +53,8 @@ REALS = (
 @cache
 def flights() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Strain (k, n_d), q_inf (k,), M (k,) and deflection (k,) of a few flights."""
-    random = np.random.default_rng(3)
-    conditions = grid_conditions(mach=(6.2, 6.8), alpha=(-3.0, 1.0, 2.5), beta=(-1.5, 0.4))
-    deflection = random.uniform(-4.0, 4.0, len(conditions))
-    snapshots = deflected(flown(conditions), deflection)
-    net = snapshots.pressure - snapshots.internal_pressure[:, None]
-    strain = net @ shape_structure(snapshots.surface).strain_operator("four_rows").T
-    strain += known_map().noise_std * random.standard_normal(strain.shape)
-    pressure, mach = (
-        np.array([getattr(one, of) for one in conditions]) for of in ("dynamic_pressure", "mach_number")
-    )
-    return strain, pressure, mach, deflection
+    snapshots, strain, flow = flights_of_shape()
+    return strain, flow["dynamic_pressure"], flow["mach_number"], snapshots.condition[:, -1]
 
 
 class Pair:
