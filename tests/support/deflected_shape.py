@@ -53,7 +53,7 @@ def known_map(keep_field: bool = False) -> InverseMap:
 
 @cache
 def flights() -> tuple[Snapshots, np.ndarray, dict[str, np.ndarray]]:
-    """Return flights at random deflections, what the gauges read (k, n_d), and dynamic pressure and Mach number."""
+    """Return flights at random deflections, readings (k, n_d), and dynamic pressure and Mach number by name."""
     random = np.random.default_rng(3)
     conditions = grid_conditions(mach=(6.2, 6.8), alpha=(-3.0, 1.0, 2.5), beta=(-1.5, 0.4))
     snapshots = deflected(flown(conditions), random.uniform(-4.0, 4.0, len(conditions)))
