@@ -41,6 +41,7 @@ from builder.pipeline.stages import (
     make_shape_flows,
     reporter_of,
 )
+from builder.processors import one_thread_of_blas
 from builder.reporting import Reporter, Silent
 from builder.structure.as_built.as_built_structure import refuse_unheld
 from builder.structure.gauge_checks import gauges_in_use
@@ -367,7 +368,13 @@ def _ground_tests(pipeline: Pipeline, trial: TrialFile, only: Sequence[str], _: 
     files = pipeline.path(SNAPSHOTS), pipeline.path(LEVEL_FLOWS)
     inputs = {"made from": pipeline.made_from(SNAPSHOTS, LEVEL_FLOWS), "ground": tests.model_dump()}
     world = partial(ground_world, vehicle, *files, plan.conditions, tests)
-    return vehicle, trial, world, inputs, ground_rows
+    return vehicle, trial, partial(_without_threads, world), inputs, partial(_without_threads, ground_rows)
+
+
+def _without_threads(make: Callable[..., Any], *given: Any) -> Any:
+    """Return what ``make`` makes of ``given``, on matrices too small for threads of BLAS."""
+    with one_thread_of_blas():
+        return make(*given)
 
 
 def _written(
