@@ -38,6 +38,9 @@ def lower_factor(columns: FloatArray) -> FloatArray:
 def is_covariance(matrix: FloatArray) -> bool:
     """Tell whether ``matrix`` (n, n) is symmetric and positive definite."""
     variance = np.diag(matrix)
+    common = common_to_pairs(matrix)
+    if common is not None and common >= 0.0:
+        return bool(np.all(variance > common))
     if not (np.all(variance > 0.0) and np.allclose(matrix, matrix.T, rtol=1e-9, atol=0.0)):
         return False
     size = np.sqrt(variance)  # rows of unlike units and noise cost no digits
@@ -46,6 +49,13 @@ def is_covariance(matrix: FloatArray) -> bool:
     except np.linalg.LinAlgError:
         return False
     return True
+
+
+def common_to_pairs(matrix: FloatArray) -> float | None:
+    """Return what all elements off the diagonal of ``matrix`` (n, n) are; None where they differ."""
+    common = matrix[-1, 0] if len(matrix) > 1 else 0.0
+    others = np.count_nonzero(matrix != common) - np.count_nonzero(np.diag(matrix) != common)
+    return None if others else float(common)
 
 
 def inverse_root(covariance: FloatArray) -> FloatArray:

@@ -27,22 +27,22 @@ from builder.inverse.envelope import (
 from builder.inverse.noise.hardware_errors import error_model
 from builder.inverse.noise.inertia import NAME as INERTIA
 from builder.inverse.noise.inertia import VIBRATION_MODES, inertia_in_words
-from builder.inverse.noise.model import NoiseTerm, fixed_covariance
+from builder.inverse.noise.model import NoiseTerm, fixed_covariance, principal_columns
 from builder.inverse.problem import AnyStructure, inverse_problem, on_structure
 from builder.inverse.sensors.sensor_set import SensorSet
 from builder.inverse.solution import Problem, Solution, solve
 from builder.vehicle.file import Vehicle
 from builder.vehicle.gauges.layout import GaugeLayout
 from strainfmu.arrays import FloatArray, lower_factor
-from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.map.inverse_map import DENSE_GAUGES, InverseMap
 from strainfmu.estimator.other_loads import FIVE_LOADS
 from strainfmu.estimator.settings import GAUGE_RANGE
 from strainfmu.estimator.signal_names import TEMPERATURE
 from strainfmu.linear.state_map import whitened_spectrum
 from strainfmu.version import __version__
 
-LEAST_COLUMN = 1e-7
-"""Size of a column of errors, over noise and loads, of which the map does without: its square is rounding."""
+LEAST_COLUMN, LEAST_OF_MANY = 1e-7, 1e-3
+"""Size of a column of errors, over noise and loads, of which maps of few and of many gauges do without."""
 
 
 def inverse_map_of(
@@ -50,7 +50,7 @@ def inverse_map_of(
 ) -> InverseMap:
     """Return the map of a solved ``problem``; its first noise term is the gauges' own."""
     snapshots, reference = on_structure(snapshots, structure), vehicle.reference_quantities()
-    z_p, loads, ensemble = problem.strain_operator, problem.load_operator, problem.ensemble
+    loads, ensemble = problem.load_operator, problem.ensemble
     solved, load_per_state = solution.solved, loads @ solution.field_modes
     coefficients = ensemble.coefficients(loads[FIVE_LOADS])
     gauges = structure.layouts[vehicle.gauges.layout]
@@ -65,7 +65,7 @@ def inverse_map_of(
         load_per_state=load_per_state,
         load_of_mean=loads @ (solution.mean - ensemble.fixed_pressure),
         mean_strain=solved.mean_strain,
-        strain_range=np.abs(ensemble.responses(z_p) + problem.offset).max(axis=0),
+        strain_range=np.abs(problem.strain).max(axis=0),
         coefficient_range=np.column_stack([coefficients.min(axis=0), coefficients.max(axis=0)]),
         reference_area=reference.area,
         reference_length=reference.length,
@@ -125,14 +125,14 @@ def _errors(problem: Problem, solution: Solution) -> dict[str, Any]:
 def fewest_columns(columns: FloatArray, noise: FloatArray) -> FloatArray:
     """Return (n_d + n_f, k) columns with the covariance of ``columns`` (n_d + n_f, m).
 
-    Their number does not grow with the gauges: what a column more would add is, of all gauges together, at most
-    :data:`LEAST_COLUMN` of their ``noise`` (n_d, n_d), and of each load as much of its standard deviation.
+    What a column more would add is, of all gauges together, at most :data:`LEAST_COLUMN` of their ``noise``
+    (n_d, n_d), and of each load as much of its standard deviation; of more gauges than linear estimators take by
+    full matrices :data:`LEAST_OF_MANY`, so that the number of columns does not grow with the gauges.
     """
+    least = LEAST_COLUMN if len(noise) <= DENSE_GAUGES else LEAST_OF_MANY
     of_load = np.linalg.norm(columns[len(noise) :], axis=1)
     size = np.concatenate([np.sqrt(np.diag(noise)), np.where(of_load > 0.0, of_load, 1.0)])[:, None]
-    basis, part, _ = np.linalg.svd(columns / size, full_matrices=False)
-    counts = part > LEAST_COLUMN
-    return np.asarray(size * (basis[:, counts] * part[counts]))
+    return size * principal_columns(columns / size, least)
 
 
 def _parts_that_follow(problem: Problem, coefficients: FloatArray) -> dict[str, Any]:

@@ -135,6 +135,9 @@ FALSE_OUTSIDE = 5e-4
 SAMPLES, SEED = 12_000, 77
 SMALLEST_LIMIT = 1.0
 
+GAUGES_OF_ALL_SAMPLES = 512
+"""Gauges whose readings of all samples are held at once; those of more are drawn in parts."""
+
 TAIL = 0.01
 """Fraction of the sample that the tail is fitted to."""
 
@@ -146,19 +149,18 @@ def with_score_limit(inverse_map: InverseMap, problem: Problem, solution: Soluti
     programme which goes to its limits. Errors in proportion to strain are drawn at each member's strain.
     """
     random = np.random.default_rng(SEED)
-    ensemble, nominal = problem.ensemble, inverse_map.nominal_dynamic_pressure
-    strain = ensemble.responses(problem.strain_operator) + problem.offset
-    n = len(strain)
-    rows = random.choice(n, size=SAMPLES, p=ensemble.member_weight)
-    samples = strain[rows] + _errors(problem, solution, rows, random)
+    ensemble, n = problem.ensemble, len(problem.strain)
+    q = np.full(n, inverse_map.nominal_dynamic_pressure)
     if inverse_map.form == "absolute":
         conditions = ensemble.conditions
-        q = np.tile([condition.dynamic_pressure for condition in conditions], n // len(conditions))[rows]
-    else:
-        q = np.full(SAMPLES, nominal)
-    stated = q * (1.0 + inverse_map.dynamic_pressure_error * random.standard_normal(SAMPLES))
-    readings = samples * inverse_map.sensors.scale
-    score = np.asarray(Estimator(inverse_map.without_tables()).estimate(readings, stated).envelope_score)
+        q = np.tile([condition.dynamic_pressure for condition in conditions], n // len(conditions))
+    estimator, scores = Estimator(inverse_map.without_tables()), list[FloatArray]()
+    drawn = random.choice(n, size=SAMPLES, p=ensemble.member_weight)
+    for rows in np.array_split(drawn, 1 + (inverse_map.n_gauges - 1) // GAUGES_OF_ALL_SAMPLES):
+        readings = (problem.strain[rows] + _errors(problem, solution, rows, random)) * inverse_map.sensors.scale
+        stated = q[rows] * (1.0 + inverse_map.dynamic_pressure_error * random.standard_normal(len(rows)))
+        scores.append(np.asarray(estimator.estimate(readings, stated).envelope_score))
+    score = np.concatenate(scores)
     limit = max(tail_quantile(score[np.isfinite(score)], FALSE_OUTSIDE), SMALLEST_LIMIT)
     return replace(inverse_map, envelope_score_limit=limit)
 

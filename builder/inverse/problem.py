@@ -319,7 +319,7 @@ def _mesh_error(
         return None
     strain = ensemble.responses(operator)
     in_sigma = np.sqrt(np.average(strain**2, axis=0, weights=ensemble.member_weight)) / std
-    return MeshError(against=against, operator=operator, strain=strain, in_sigma=in_sigma)
+    return MeshError(against=against, strain=strain, in_sigma=in_sigma)
 
 
 def _difference_of_fourier_model(vehicle: Vehicle, structure: MappedStructure) -> FloatArray | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, Literal, cast
 
 import numpy as np
@@ -21,7 +22,7 @@ from builder.vehicle.gauges.sensor_entries import Sensors
 from builder.vehicle.map.model_form import ModelForm, model_form
 from builder.vehicle.map.options import MapEntry, Noise
 from builder.vehicle.shape.shape_entries import ReferenceQuantities
-from strainfmu.arrays import FloatArray, inverse_root
+from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.sensors import InertiaMap, ThermalMap
 from strainfmu.linear.pressure_modes import (
@@ -101,6 +102,11 @@ class Problem:
             offset[-len(self.sensors.rows) :] = self.sensors.offset
         return offset
 
+    @cached_property
+    def strain(self) -> FloatArray:
+        """(n, n_d) readings of the members of the ensemble at the nominal dynamic pressure [m/m]."""
+        return self.ensemble.responses(self.strain_operator) + self.offset
+
 
 def with_flow_models(problem: Problem) -> Problem:
     """Return ``problem`` with the level and the difference of flow models among its noise.
@@ -150,7 +156,8 @@ def _solve_case_1(problem: Problem) -> Solution:
     strain_of_modes = problem.strain_operator @ modes.modes
     noise = _with_truncated(problem, modes, n_states, strain_of_modes)
     std, z = modes.coefficient_std[:n_states], strain_of_modes[:, :n_states]
-    solved = least_squares_map(z, _mean_strain(problem, modes.mean), noise.covariance, std)
+    mean_strain = _mean_strain(problem, modes.mean)
+    solved = least_squares_map(z, mean_strain, noise.covariance, std, noise.whitening)
     # The published scaling: 100 um/m per gauge, states in units of their root mean square norm over the snapshots.
     relative = relative_condition(
         z, strain_norm=1e-4 * np.sqrt(len(z)), state_norm=1.0, state_scale=float(np.linalg.norm(std))
@@ -277,8 +284,7 @@ def mode_choice(problem: Problem, modes: PressureModes) -> tuple[list[int], dict
         )
     variance = modes.coefficient_std**2 * (problem.node_area @ modes.modes**2)
     of_modes = problem.strain_operator @ (modes.modes * modes.coefficient_std)
-    whitening = inverse_root(NoiseModel(problem.noise).covariance)
-    whitened = [problem.noise[0].whitened(of_modes), whitening @ of_modes]
+    whitened = [problem.noise[0].whitened(of_modes), NoiseModel(problem.noise).whitening @ of_modes]
     bases = [np.empty((n_gauges, 0))] * 2
     states: list[int] = []
     left_out: list[dict[str, Any]] = []

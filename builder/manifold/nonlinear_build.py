@@ -88,7 +88,7 @@ def friction_error(problem: Problem) -> list[HardwareError]:
     sensors, entry, ensemble = problem.sensors, problem.stated_sensors, problem.ensemble
     if sensors is None or entry is None:
         return []
-    n_d, n_p = problem.strain_operator.shape
+    n_d = len(problem.strain_operator)
     reading = np.zeros(n_d)
     area = problem.reference.area
     size = entry.friction_C_A_std * ensemble.nominal_dynamic_pressure * area
@@ -96,8 +96,7 @@ def friction_error(problem: Problem) -> list[HardwareError]:
     if not reading.any():
         return []
     of_member = np.tile(reading, (len(ensemble.member_weight), 1))
-    none = np.zeros((n_d, n_p))  # surface pressure has no part in it
-    return [HardwareError(name="friction", operator=none, strain=of_member, common=True, with_rest=True)]
+    return [HardwareError(name="friction", strain=of_member, common=True, with_rest=True)]
 
 
 def gains_of_sensors(problem: Problem) -> dict[str, Any]:

@@ -205,7 +205,7 @@ def _drawn(problem: Problem, members: BoolArray) -> Readings:
     ensemble, noise, random = problem.ensemble, problem.tolerances, np.random.default_rng(SEED)
     rows = np.flatnonzero(members)
     rows = rows[np.arange(SAMPLES) % len(rows)] if len(rows) < SAMPLES else random.permutation(rows)[:SAMPLES]
-    strain = (ensemble.responses(problem.strain_operator) + problem.offset)[rows]
+    strain = problem.strain[rows]
     for error in problem.errors:
         shape = (len(rows), 1) if error.common else strain.shape
         strain += error.strain[rows] * random.standard_normal(shape)

@@ -88,18 +88,24 @@ class LeastSquaresMap(StateMap):
 
 
 def least_squares_map(
-    state_operator: FloatArray, mean_strain: FloatArray, noise_covariance: FloatArray, state_std: FloatArray
+    state_operator: FloatArray,
+    mean_strain: FloatArray,
+    noise_covariance: FloatArray,
+    state_std: FloatArray,
+    whitening: FloatArray | None = None,
 ) -> LeastSquaresMap:
     """Build the map (paper, eq. ls-solution with gamma = 0) of A = Z_p V_r and m = Z_p (p_mean - p_internal).
 
     The condition number alone depends on ``state_std`` (r,), the standard deviation of the states [Pa].
+    ``whitening`` W (n_d, n_d) with W^T W = Gamma^-1 is computed if it is not known already.
     """
     n_gauges, n_states = state_operator.shape
     if n_states > n_gauges:
         raise InputError(f"modes: expected at most {n_gauges} with {n_gauges} gauges, got {n_states}")
-    check_covariance(noise_covariance)
+    if whitening is None:
+        check_covariance(noise_covariance)
+        whitening = inverse_root(noise_covariance)
     # Columns are scaled by the states' spread: the condition number then depends on gauges, not on units.
-    whitening = inverse_root(noise_covariance)
     condition_number = float(np.linalg.cond(whitening @ (state_operator * state_std)))
     if not condition_number < MAX_CONDITION_NUMBER:
         raise InputError(

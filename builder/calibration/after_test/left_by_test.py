@@ -100,7 +100,6 @@ def _errors(structure: AnyAsBuilt, remaining: Remaining, ensemble: Ensemble) -> 
     return [
         HardwareError(
             name=IN_COMMON_AFTER_TEST if is_common else OF_EACH_AFTER_TEST,
-            operator=operator,
             strain=ensemble.responses(operator),
             common=is_common,
             with_rest=True,

@@ -106,20 +106,24 @@ class Ensemble:
             yield np.roll(rings, roll * n_roll // self.rolls, axis=2).reshape(self.pressure.shape)
 
     def responses(self, operator: FloatArray) -> FloatArray:
-        """Return (n, m) ``operator`` (m, n_p) times the pressure less ``fixed_pressure`` of every member.
-
-        Of a rolled ensemble, harmonic by harmonic round the body: to roll a flow turns the phase of each.
-        """
-        offset = self.fixed_pressure * operator.sum(axis=1)
+        """Return (n, m) ``operator`` (m, n_p) times the pressure less ``fixed_pressure`` of every member."""
         if self.grid is None:
-            return self.pressure @ operator.T - offset
-        n_roll, size = self.grid.n_roll, (len(self.pressure), len(operator))
-        spectrum = np.moveaxis(np.fft.rfft(operator.reshape(len(operator), -1, n_roll), axis=2), 2, 0)
-        largest = np.abs(spectrum).max(axis=(1, 2))
+            return self.pressure @ operator.T - self.fixed_pressure * operator.sum(axis=1)
+        return self.of_spectrum(np.fft.rfft(operator.reshape(len(operator), -1, self.grid.n_roll), axis=2))
+
+    def of_spectrum(self, spectrum: ComplexArray) -> FloatArray:
+        """Return :meth:`responses` of a rolled ensemble by an operator's harmonics round the body (m, n_x, n_m).
+
+        To roll a flow turns the phase of each.
+        """
+        assert self.grid is not None
+        n_roll, size = self.grid.n_roll, (len(self.pressure), len(spectrum))
+        offset = self.fixed_pressure * spectrum[:, :, 0].real.sum(axis=1)
+        largest = np.abs(spectrum).max(axis=(0, 1))
         m = np.flatnonzero(largest > _NO_HARMONIC * largest.max(initial=0.0))
         product = np.empty((2, len(m), *size))
         for k, of_flow in enumerate(self._spectrum[m]):
-            amplitude = of_flow @ np.conj(spectrum[m[k]]).T
+            amplitude = of_flow @ np.conj(spectrum[:, :, m[k]]).T
             product[:, k] = amplitude.real, amplitude.imag
         weight = np.where((m == 0) | (2 * m == n_roll), 1.0, 2.0) / n_roll
         phase = 2.0 * np.pi * np.outer(np.arange(self.rolls) * (n_roll // self.rolls), m) / n_roll

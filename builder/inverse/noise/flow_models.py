@@ -21,7 +21,7 @@ from builder.aero.surface.mesh import mesh_of
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.modes.ensemble import Ensemble
 from builder.inverse.noise.flows_between import SolvedFlows
-from builder.inverse.noise.model import NoiseTerm, pressure_errors
+from builder.inverse.noise.model import FAINT_COLUMN, NoiseTerm, pressure_errors, principal_columns
 from builder.vehicle.map.model_form import ModelForm
 from builder.vehicle.model_entries import Aerodynamics
 from strainfmu.arrays import FloatArray
@@ -114,8 +114,8 @@ def flow_model_errors(
         members = difference.responses(np.vstack([strain, load]))
         columns = (np.sqrt(difference.member_weight)[:, None] * members).T
         rows = _rows(columns)
-        vectors, size, _ = np.linalg.svd(columns / rows, full_matrices=False)
-        of_strain, of_load = np.split(np.asarray(rows * vectors * size), [len(strain)])
+        least = FAINT_COLUMN * float(np.linalg.norm(columns / rows))
+        of_strain, of_load = np.split(rows * principal_columns(columns / rows, least), [len(strain)])
         terms.append(NoiseTerm(FLOW_MODELS, of_strain, of_load, scales=True))
     return tuple(terms)
 

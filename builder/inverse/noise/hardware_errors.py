@@ -1,8 +1,7 @@
 """Errors of the vehicle and its gauges as built: as terms of the weights, and as functions of the current strain.
 
-Every error has an operator that gives its strain, per standard deviation, from the surface pressure: the
-derivative of Z_p of the vehicle as built by the error, times the size that [noise] states. The kinds are
-listed in :mod:`builder.structure.as_built_kinds`.
+The strain of an error at a flow follows from the derivative of Z_p of the vehicle as built by the error, times the
+size that [noise] states. The kinds are listed in :mod:`builder.structure.as_built_kinds`.
 
 Derivatives of the strain operator by errors of the vehicle as built, with the structural model of the map.
 
@@ -50,6 +49,9 @@ WALL_STEP = 0.01
 """Step of the wall's thickness, relative to it."""
 
 GAINS = ("gauge_gain", "common_gain")
+
+GAUGES_AT_ONCE = 64
+"""Gauges whose response stays in the cache."""
 
 
 def strain_derivatives(
@@ -175,15 +177,13 @@ class HardwareError:
     Attributes
     ----------
     name : for reports.
-    operator : (n_d, n_p) strain per pressure at one standard deviation [1/Pa].
-    strain : (n, n_d) its strain at the members of the ensemble [m/m].
+    strain : (n, n_d) its strain at the members of the ensemble, at one standard deviation [m/m].
     common : whether all gauges have the same error, or each its own.
     of_mesh : whether it is an error of the structure's mesh, not of the hardware.
     with_rest : whether the nonlinear estimator counts, gauge by gauge, what no load follows of a common error.
     """
 
     name: str
-    operator: FloatArray
     strain: FloatArray
     common: bool
     of_mesh: bool = False
@@ -209,21 +209,35 @@ def hardware_errors(
     """
     entry, layout = vehicle.noise, vehicle.gauges.layout
     keys = stated_keys(entry, counts_of_layout(vehicle, structure, layout))
-    derivative = strain_derivatives(vehicle, structure, layout, keys)
-    operators = [(KINDS[key[0]], KINDS[key[0]].std(entry) * derivative[key]) for key in keys]
-    columns = [(kind.column_name, operator, kind.extent != "gauge") for kind, operator in operators]
-    gain = sum(kind.name in ("gauge_gain", "common_gain") for kind, _ in operators)
-    columns.insert(gain, ("modulus with temperature", modulus_std * strain_operator, True))
-    # Errors of each gauge first.
-    named = sorted((column for column in columns if np.any(column[1])), key=lambda column: column[2])
-    if not named:
-        return []
-    strain = ensemble.responses(np.concatenate([operator for _, operator, _ in named]))
-    parts = np.split(strain, len(named), axis=1)
-    return [
-        HardwareError(name=name, operator=operator, strain=part, common=common)
-        for (name, operator, common), part in zip(named, parts, strict=True)
+    if isinstance(structure, StructuralModel) and ensemble.grid is not None:
+        strain = _by_harmonics(of_model(vehicle, structure, layout, keys), keys, ensemble)
+    else:
+        derivatives = strain_derivatives(vehicle, structure, layout, keys)
+        strain = {key: ensemble.responses(derivative) for key, derivative in derivatives.items()}
+    kinds = [KINDS[key[0]] for key in keys]
+    errors = [
+        HardwareError(name=kind.column_name, strain=kind.std(entry) * strain[key], common=kind.extent != "gauge")
+        for kind, key in zip(kinds, keys, strict=True)
     ]
+    if modulus_std > 0.0:
+        of_modulus = modulus_std * ensemble.responses(strain_operator)
+        gains = sum(kind.name in GAINS for kind in kinds)
+        errors.insert(gains, HardwareError(name="modulus with temperature", strain=of_modulus, common=True))
+    # Errors of each gauge first.
+    return sorted((error for error in errors if np.any(error.strain)), key=lambda error: error.common)
+
+
+def _by_harmonics(model: RevolvedStructure, keys: Collection[Key], ensemble: Ensemble) -> dict[Key, FloatArray]:
+    """Return (n, n_d) the strain at the members of ``ensemble`` by each of ``keys``, some gauges at a time."""
+    n_d = len(model.names)
+    strain = {key: np.empty((len(ensemble.member_weight), n_d)) for key in keys}
+    for first in range(0, n_d, GAUGES_AT_ONCE):
+        some = slice(first, first + GAUGES_AT_ONCE)
+        part = model.some(some)
+        derivatives = parameter_derivatives(part.strain_spectrum, as_drawn(part.counts), list(keys))
+        for key, derivative in derivatives.items():
+            strain[key][:, some] = ensemble.of_spectrum(derivative)
+    return strain
 
 
 def hardware_terms(
@@ -272,7 +286,7 @@ def error_model(
     weight = ensemble.member_weight
     c = np.hstack([np.ones((len(coefficients), 1)), coefficients])
     root = np.sqrt(weight)[:, None]
-    n_d = len(errors[0].operator)
+    n_d = errors[0].strain.shape[1]
     of_gauge, common = np.zeros((len(PAIRS), n_d)), []
     for error in errors:
         slope = np.linalg.lstsq(root * c, root * error.strain, rcond=1e-10)[0]
@@ -302,13 +316,11 @@ class MeshError:
     Attributes
     ----------
     against : what it was measured against.
-    operator : (n_d, n_p) strain error per pressure [1/Pa].
     strain : (n, n_d) at the members of the ensemble [m/m].
     in_sigma : (n_d,) root mean square over the members, over each gauge's own noise.
     """
 
     against: str
-    operator: FloatArray
     strain: FloatArray
     in_sigma: FloatArray
 
@@ -328,9 +340,7 @@ class MeshError:
             return []
         half = np.sqrt(0.5)
         return [
-            HardwareError(
-                name=name, operator=half * self.operator, strain=half * self.strain, common=common, of_mesh=True
-            )
+            HardwareError(name=name, strain=half * self.strain, common=common, of_mesh=True)
             for name, common in (("mesh, of each gauge", False), ("mesh, in common", True))
         ]
 

@@ -237,9 +237,7 @@ def inertia_errors(strain: InertiaStrain | None, ensemble: Ensemble, surface: Su
     for name, error, is_common in _errors_of_strain(strain, N_RIGID):
         operator = error @ acceleration
         if np.any(operator):
-            errors.append(
-                HardwareError(name=name, operator=operator, strain=ensemble.responses(operator), common=is_common)
-            )
+            errors.append(HardwareError(name=name, strain=ensemble.responses(operator), common=is_common))
     return errors
 
 

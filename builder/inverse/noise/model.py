@@ -79,6 +79,10 @@ class NoiseTerm:
         return np.vstack([self.columns, load])
 
 
+UNSEEN = 1e-5
+"""Size of a column of errors, over the noise of all gauges, of which their covariance does without."""
+
+
 @dataclass(frozen=True, eq=False)
 class NoiseModel:
     """All terms together."""
@@ -86,9 +90,47 @@ class NoiseModel:
     terms: tuple[NoiseTerm, ...]
 
     @cached_property
+    def _parts(self) -> tuple[FloatArray, FloatArray] | None:
+        """(n_d,) variance of the errors of each gauge, and (n_d, k) columns of all others over its root.
+
+        None where some gauge has no noise of its own that is independent of the others'.
+        """
+        if not self.terms[0].is_own:
+            return None
+        own = np.sum([term.strain**2 for term in self.terms if term.is_own], axis=0)
+        columns = [np.zeros((len(own), 0)), *(term.strain for term in self.terms if not term.is_own)]
+        return own, principal_columns(np.hstack(columns) / np.sqrt(own)[:, None], UNSEEN)
+
+    @cached_property
     def covariance(self) -> FloatArray:
         """(n_d, n_d) Gamma, the sum of all terms' covariances [(m/m)^2]."""
-        return np.asarray(sum(term.covariance for term in self.terms))
+        if self._parts is None:
+            return np.asarray(sum(term.covariance for term in self.terms))
+        own, columns = self._parts
+        root = np.sqrt(own)
+        covariance = columns @ columns.T
+        covariance[np.diag_indices(len(own))] += 1.0
+        return np.asarray(covariance * root * root[:, None])
+
+    @cached_property
+    def whitening(self) -> FloatArray:
+        """(n_d, n_d) W with W' W = Gamma^-1: it makes errors independent and of unit size.
+
+        Of independent errors D and columns, D^-1/2 N = U S V', it is (I - U (1 - (1 + S^2)^-1/2) U') D^-1/2.
+
+        Raises
+        ------
+        InputError
+            The covariance is not positive definite.
+        """
+        if self._parts is None:
+            check_covariance(self.covariance)
+            return inverse_root(self.covariance)
+        own, columns = self._parts
+        size = np.linalg.norm(columns, axis=0)
+        whitening = -((columns / size**2) * (1.0 - 1.0 / np.hypot(1.0, size))) @ columns.T
+        whitening[np.diag_indices(len(own))] += 1.0
+        return np.asarray(whitening / np.sqrt(own))
 
     @cached_property
     def strain_load_covariance(self) -> FloatArray | None:
@@ -99,14 +141,8 @@ class NoiseModel:
     def fractions(self) -> list[dict[str, Any]]:
         """Return, per term, its name, ``share`` tr(Gamma^-1 Gamma_term) / n_d of the whitened variance [1], and
         ``rms_strain``, the root of the mean variance over the gauges [m/m]. The fractions add up to 1.
-
-        Raises
-        ------
-        InputError
-            The covariance is not positive definite.
         """
-        check_covariance(self.covariance)
-        whitening = inverse_root(self.covariance)
+        whitening = self.whitening
         n_gauges = len(whitening)
         return [
             {
@@ -215,10 +251,38 @@ def common_error(name: str, sensitivity: FloatArray, std: float, weight: FloatAr
 
     Its covariance is the mean of s_j s_j' over the flights j; parameters as in :func:`gauge_errors`.
     """
-    _, size, right = np.linalg.svd(np.sqrt(weight)[:, None] * sensitivity, full_matrices=False)
-    significant = size > 1e-6 * size[0] if size[0] > 0.0 else size > 0.0
-    return replace(
-        nuisance_modes(name, right[significant].T * size[significant], np.full(int(significant.sum()), std)),
-        scales=True,
-        hardware=True,
-    )
+    samples = sensitivity.T * np.sqrt(weight)
+    columns = principal_columns(samples, FAINT_COLUMN * float(np.linalg.norm(samples)))
+    return replace(nuisance_modes(name, columns, np.full(columns.shape[1], std)), scales=True, hardware=True)
+
+
+FAINT_COLUMN = 5e-7
+"""Size, over all of a matrix, of a column that errors in many flows do without."""
+
+DIRECT, SAMPLED = 600, 450
+"""Rows or columns up to which a matrix is decomposed as it is; of a larger one, columns of the first sample."""
+
+
+def principal_columns(columns: FloatArray, least: float) -> FloatArray:
+    """Return (m, k) orthogonal columns with the covariance of ``columns`` (m, n), but for those up to ``least``.
+
+    The range of a large matrix is found from random combinations of its columns, so many that the smallest is
+    below the limit (Halko, Martinsson and Tropp, SIAM Review 53, 2011).
+    """
+    size, sampled, random = min(columns.shape), SAMPLED, np.random.default_rng(1)
+    while size > DIRECT and sampled < size:
+        basis = np.linalg.qr(columns @ random.standard_normal((columns.shape[1], sampled)))[0]
+        part = _left_factor(np.linalg.qr((basis.T @ columns).T, mode="r").T)
+        if np.linalg.norm(part[:, -1]) <= least:
+            part = basis @ part
+            break
+        sampled *= 2
+    else:
+        part = _left_factor(columns)
+    return np.asarray(part[:, np.linalg.norm(part, axis=0) > least])
+
+
+def _left_factor(columns: FloatArray) -> FloatArray:
+    """Return U S (m, k) of ``columns`` (m, n) = U S V', sizes falling."""
+    basis, size, _ = np.linalg.svd(columns, full_matrices=False)
+    return np.asarray(basis * size)

@@ -80,9 +80,8 @@ def scan_errors(entry: Recorder, operator: FloatArray, ensemble: Ensemble) -> li
         rows = mach == mach_number
         factor = np.linalg.lstsq(terms[rows], strain[rows], rcond=1e-6)[0]
         slope[:, rows] = by_u[rows] @ factor / largest, by_w[rows] @ factor / largest
-    none = np.zeros_like(operator)
     return [
-        HardwareError(name=SCAN, operator=none, strain=size * pressure * gauge_slope, common=True, with_rest=True)
+        HardwareError(name=SCAN, strain=size * pressure * gauge_slope, common=True, with_rest=True)
         for gauge_slope in slope
     ]
 

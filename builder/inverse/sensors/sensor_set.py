@@ -300,7 +300,6 @@ def _errors(rows: list[SensorRow], scale: FloatArray, ensemble: Ensemble) -> lis
     return [
         HardwareError(
             name=name,
-            operator=operator,
             strain=ensemble.responses(operator),
             common=name != "sensor gain",
             with_rest=name != "sensor gain",
@@ -399,20 +398,12 @@ def joined_errors(
     n_s = len(sensors.rows)
 
     def padded(error: HardwareError, above: int, below: int) -> HardwareError:
-        return replace(
-            error,
-            operator=np.pad(error.operator, ((above, below), (0, 0))),
-            strain=np.pad(error.strain, ((0, 0), (above, below))),
-        )
+        return replace(error, strain=np.pad(error.strain, ((0, 0), (above, below))))
 
     def of_gauges(error: HardwareError) -> HardwareError:
         if error.name not in sensors.shared:
             return padded(error, 0, n_s)
-        auxiliary = sensors.shared[error.name]
-        return replace(
-            error,
-            operator=np.vstack([error.operator, auxiliary]),
-            strain=np.hstack([error.strain, ensemble.responses(auxiliary)]),
-        )
+        auxiliary = ensemble.responses(sensors.shared[error.name])
+        return replace(error, strain=np.hstack([error.strain, auxiliary]))
 
     return [*map(of_gauges, errors), *(padded(error, n_g, 0) for error in sensors.errors)]

@@ -39,7 +39,7 @@ from builder.structure.fourier.strain_operator import (
 )
 from builder.vehicle.file import Vehicle
 from builder.vehicle.shape.geometry import SurfaceGrid
-from strainfmu.arrays import FloatArray
+from strainfmu.arrays import ComplexArray, FloatArray
 from strainfmu.errors import InputError
 
 CLAMP_STEP, RIGID = 2e-3, 1e-7
@@ -116,6 +116,25 @@ class RevolvedStructure:
     def strain_operator(self, as_built: AsBuilt) -> FloatArray:
         """Return Z_p (n_d, n_p) [1/Pa] of one vehicle: reading per pressure at every node of ``surface``."""
         return operator_of(self.parts(as_built), as_built, self.surface)
+
+    def strain_spectrum(self, as_built: AsBuilt) -> ComplexArray:
+        """Return (n_d, n_x, n_m) the harmonics of :meth:`strain_operator` round the body [1/Pa]."""
+        gauges, harmonic = self.parts(as_built), np.arange(self.n_harmonics)[:, None]
+        size = gain_of(as_built) / (1.0 + as_built.youngs_modulus)
+        spectrum = (gauges.even + 1j * gauges.odd) * (size * np.exp(-1j * harmonic * gauges.roll_angle))
+        return np.asarray(spectrum.transpose(2, 0, 1))
+
+    def some(self, gauges: slice) -> RevolvedStructure:
+        """Return the structure with some of the ``gauges``."""
+        names, on_wall = self.names[gauges], self.on_wall.some(gauges)
+        stations, station = np.unique(on_wall.station, return_inverse=True)
+        return replace(
+            self,
+            names=names,
+            on_wall=replace(on_wall, station=station),
+            counts=self.counts._replace(gauge=len(names)),
+            table=changed_alike(self.table, lambda strain: strain[..., stations, :]),
+        )
 
 
 def revolved_structure(

@@ -203,11 +203,17 @@ def harmonic_response(
     InputError
         ``max_harmonic`` is negative, stations do not cover the surface, or supports leave a motion free.
     """
-    distinct = distinct_stations(gauge_x)
-    response = response_of_rows(
-        mesh, material, lambda m: strain_rows(mesh, distinct, m), station_x, max_harmonic, progress
-    )
-    meridional, hoop, shear = response.reshape(len(distinct), 3, *response.shape[1:]).transpose(1, 0, 2, 3)
+    distinct, n_x = distinct_stations(gauge_x), len(station_x)
+    if (
+        3 * len(distinct) > n_x and mesh.masses is None
+    ):  # fewer solutions: one per pressure; inertia needs the other
+        fields = [np.eye(n_x)] * (max_harmonic + 1)
+        response = np.stack(response_to_fields(mesh, material, distinct, station_x, fields, progress), axis=2)
+    else:
+        response = response_of_rows(
+            mesh, material, lambda m: strain_rows(mesh, distinct, m), station_x, max_harmonic, progress
+        )
+    meridional, hoop, shear = response.reshape(len(distinct), 3, max_harmonic + 1, n_x).transpose(1, 0, 2, 3)
     return HarmonicResponse(gauge_x=distinct, meridional=meridional, hoop=hoop, shear=shear)
 
 
@@ -236,14 +242,7 @@ def response_of_rows(
         adjoint = _solver(mesh, stiffness, m).solve(rows(m).reshape(-1, mesh.n_dof).T)
         return np.asarray((load.T @ adjoint).T)
 
-    parts = []
-    # The solver releases the interpreter lock, so harmonics run in parallel; BLAS threads would compete.
-    with one_thread_of_blas(), ThreadPoolExecutor(min(processors(), max_harmonic + 1)) as pool:
-        for m, response in enumerate(pool.map(of_harmonic, range(max_harmonic + 1))):
-            parts.append(response)
-            if progress is not None:
-                progress(m + 1, max_harmonic + 1)
-    return np.stack(parts, axis=1)
+    return np.stack(_each_harmonic(of_harmonic, max_harmonic + 1, progress), axis=1)
 
 
 def response_to_fields(
@@ -252,6 +251,7 @@ def response_to_fields(
     gauge_x: FloatArray,
     station_x: FloatArray,
     fields: Sequence[FloatArray],
+    progress: Progress | None = None,
 ) -> list[FloatArray]:
     """Return the strain at gauge stations under given pressures, harmonic by harmonic: one solution per pressure.
 
@@ -259,7 +259,7 @@ def response_to_fields(
 
     Parameters
     ----------
-    mesh, material, station_x : as in :func:`harmonic_response`.
+    mesh, material, station_x, progress : as in :func:`harmonic_response`.
     gauge_x : (n,) stations [m] on the inner surface.
     fields : per harmonic m, (n_x, k_m) pressures at the stations ``station_x`` times cos(m phi).
 
@@ -276,8 +276,21 @@ def response_to_fields(
         blocks = np.array_split(gauge_x, 1 + len(gauge_x) // STATIONS_AT_ONCE)
         return np.concatenate([strain_rows(mesh, x, m) @ moved for x in blocks if len(x)])
 
-    with one_thread_of_blas(), ThreadPoolExecutor(min(processors(), len(fields))) as pool:
-        return list(pool.map(of_harmonic, range(len(fields))))
+    return _each_harmonic(of_harmonic, len(fields), progress)
+
+
+def _each_harmonic(
+    of_harmonic: Callable[[int], FloatArray], count: int, progress: Progress | None
+) -> list[FloatArray]:
+    """Return what each of the first harmonics gives."""
+    parts = []
+    # The solver releases the interpreter lock, so harmonics run in parallel; BLAS threads would compete.
+    with one_thread_of_blas(), ThreadPoolExecutor(min(processors(), count)) as pool:
+        for m, part in enumerate(pool.map(of_harmonic, range(count))):
+            parts.append(part)
+            if progress is not None:
+                progress(m + 1, count)
+    return parts
 
 
 def _solver(mesh: MeridianMesh, stiffness: FourierStiffness, m: int) -> HarmonicSolver | FlyingSolver:

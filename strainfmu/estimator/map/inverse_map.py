@@ -34,7 +34,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.arrays import BoolArray, FloatArray, common_to_pairs
 from strainfmu.errors import InputError
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
 from strainfmu.estimator.map.nonlinear_map import ManifoldMap
@@ -378,10 +378,7 @@ class InverseMap(MapRecord, where="inverse map"):
             and not (self.thermal_and_inertia.n_modes or self.has_auxiliary_sensors or self.has_other_loads)
             and self.common_variance >= 0.0
             and bool(np.all(self.gauge_variance > 0.0))
-            and all(
-                np.all(row[:k] == self.common_variance) and np.all(row[k + 1 :] == self.common_variance)
-                for k, row in enumerate(self.gauge_covariance)
-            )
+            and common_to_pairs(self.gauge_covariance) is not None
         )
 
     @property

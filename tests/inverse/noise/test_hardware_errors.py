@@ -28,9 +28,7 @@ def made(linear: bool) -> tuple[list[HardwareError], np.ndarray]:
         strain = 1e-6 * c @ random.standard_normal((6, N_D))
         if not linear:
             strain = strain + 1e-6 * random.standard_normal((N, N_D))
-        errors.append(
-            HardwareError(name=f"e{number}", operator=np.ones((N_D, 3)), strain=strain, common=number > 1)
-        )
+        errors.append(HardwareError(name=f"e{number}", strain=strain, common=number > 1))
     return errors, coefficients
 
 
