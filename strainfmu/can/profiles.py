@@ -48,6 +48,9 @@ BRIDGE = "StrainBridge"
 E2E_CRC, E2E_COUNTER = "E2E_CRC", "E2E_Counter"
 """Signals of the end-to-end protection, which are written when all others are."""
 
+BASE, BASE_OF_MANY = 0x300, 0x200
+"""Identifiers of the first input frame of a profile where the user states none."""
+
 _READING = "reading"
 _UNITS = {"1": "m/m"}
 """Units of FMI that a DBC file writes otherwise."""
@@ -60,14 +63,21 @@ class Identifiers:
     Attributes
     ----------
     base : identifier of the frame of q_inf; strain frames, the trailer and the frame of navigation follow. The
-        frame ahead of it holds the state of the sender; with base 0 there is none.
+        frame ahead of it holds the state of the sender; with base 0 there is none. None for :data:`BASE`, or
+        :data:`BASE_OF_MANY` where the frames would reach the first result's.
     result_base : identifier of the first result frame.
     is_extended : 29 bit identifiers.
     """
 
-    base: int = 0x300
+    base: int | None = None
     result_base: int = 0x380
     is_extended: bool = False
+
+    def base_of(self, n_input: int) -> int:
+        """Return the identifier of the first of ``n_input`` input frames behind the state of the sender."""
+        if self.base is not None:
+            return self.base
+        return BASE if BASE + n_input <= Identifiers.result_base else BASE_OF_MANY
 
     def checked(self, n_input: int, n_result: int) -> Identifiers:
         """Return self if ``n_input`` input and ``n_result`` result frames have identifiers of their own.
@@ -78,19 +88,20 @@ class Identifiers:
             Identifiers overlap or do not exist.
         """
         limit = EXTENDED_FLAG >> 2 if self.is_extended else 0x800
-        first_input = max(self.base - 1, 0)
+        base = self.base_of(n_input)
+        first_input = max(base - 1, 0)
         for name, first, count in (
-            ("input", first_input, n_input + self.base - first_input),
+            ("input", first_input, n_input + base - first_input),
             ("result", self.result_base, n_result),
         ):
             if first < 0 or first + count > limit:
                 raise InputError(
                     f"{name} identifiers: 0x{first:X} and {count - 1} more found, 0 to 0x{limit - 1:X} allowed"
                 )
-        if first_input < self.result_base + n_result and self.result_base < self.base + n_input:
+        if first_input < self.result_base + n_result and self.result_base < base + n_input:
             raise InputError(
                 f"result identifiers: expected others than the input's, 0x{first_input:X} to "
-                f"0x{self.base + n_input - 1:X}, got 0x{self.result_base:X} and {n_result - 1} more"
+                f"0x{base + n_input - 1:X}, got 0x{self.result_base:X} and {n_result - 1} more"
             )
         return self
 
@@ -205,11 +216,17 @@ def profile_layout(
         ],
     }
     maker = _Maker(
-        _profile(profile), cycle_time, identifiers, configuration_of(profile, (*gauge_names, *readings))
+        profile=_profile(profile),
+        cycle_time=cycle_time,
+        base=identifiers.base_of(0),
+        is_extended=identifiers.is_extended,
+        configuration=configuration_of(profile, (*gauge_names, *readings)),
     )
     frames = maker.frames(measured, has_tare)
-    state = next((frame for frame in frames if frame.session is not None), None)
-    identifiers.checked(len(frames) - (state is not None), 1)
+    n_input = sum(frame.session is None for frame in frames)
+    identifiers.checked(n_input, 1)
+    if (base := identifiers.base_of(n_input)) != maker.base:
+        frames = replace(maker, base=base).frames(measured, has_tare)
     return InputLayout(
         name=profile,
         n_gauges=len(names),
@@ -217,7 +234,7 @@ def profile_layout(
         flow_frames=tuple(frame for frame in frames if frame.flow),
         trailer=next((frame for frame in frames if frame.is_trailer), None),
         command=next((frame for frame in frames if frame.request is not None), None),
-        state=state,
+        state=next((frame for frame in frames if frame.session is not None), None),
         cycle_time=cycle_time,
         key=key,
         shares_clock=True,
@@ -226,11 +243,12 @@ def profile_layout(
 
 @dataclass(frozen=True)
 class _Maker:
-    """Makes the frames of a profile of what its file states, with period [s], identifiers and configuration."""
+    """Makes the frames of a profile of what its file states, with period [s], first identifier, configuration."""
 
     profile: Mapping[str, Any]
     cycle_time: float
-    identifiers: Identifiers
+    base: int
+    is_extended: bool
     configuration: int
 
     def frames(self, measured: Mapping[str, Sequence[_Measured]], has_tare: bool) -> list[InputFrame]:
@@ -241,7 +259,7 @@ class _Maker:
             if "request" in stated["fields"] and not has_tare:
                 continue
             if "place" in stated:
-                if self.identifiers.base + stated["place"] >= 0:
+                if self.base + stated["place"] >= 0:
                     alone.append(self._frame(name, stated, stated["place"], 0, ()))
                 continue
             repeated = next((kind for kind in measured if kind in stated["fields"]), None)
@@ -274,10 +292,10 @@ class _Maker:
             flow = [(str(source), first + index) for index, (source, _, _) in enumerate(chosen)]
         layout = FrameLayout(
             name=name,
-            identifier=self.identifiers.base + place,
+            identifier=self.base + place,
             length=stated["length"],
             signals=tuple(signals),
-            is_extended=self.identifiers.is_extended,
+            is_extended=self.is_extended,
             is_fd=self.profile["fd"],
             cycle_time=self.cycle_time,
             sender=SENDER,

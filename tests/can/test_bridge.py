@@ -42,6 +42,16 @@ def virtual() -> Iterator[Running]:
         running.bridge.stop()
 
 
+def test_4096_gauges_fly_over_a_bus() -> None:
+    """152 frames of strains a cycle, ahead of the results by their identifiers."""
+    channel = f"many-{os.getpid()}"
+    settings = BusSettings(interface="virtual", channel=channel)
+    with can.Bus(interface="virtual", channel=channel) as sender:
+        running = Running(lambda: open_bus(settings), sender, n_gauges=4096, cycle=0.5)
+        running.send_until(Quality.VALID, 3)
+        assert running.end().qualities[Quality.VALID] >= 3
+
+
 @pytest.fixture
 def multicast() -> Iterator[Running]:
     """Return a bridge on udp_multicast, on a port that nobody else has."""

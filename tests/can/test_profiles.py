@@ -77,3 +77,23 @@ def test_frames_are_those_on_record(profile: str) -> None:
 def test_a_profile_is_a_file() -> None:
     folder = Path(__file__).parents[2] / "strainfmu" / "can" / "profiles"
     assert {*PROFILES, "results", "signals"} == {path.stem for path in folder.iterdir()}
+
+
+@pytest.mark.parametrize(
+    ("profile", "n", "first"),
+    [
+        ("fd64", 2000, 0x300),
+        ("fd64", 4096, 0x200),
+        (SECURED_PROFILE, 2000, 0x300),
+        (SECURED_PROFILE, 4096, 0x200),
+        ("classic-le", 300, 0x300),
+    ],
+)
+def test_frames_of_many_gauges_stay_ahead_of_the_results(profile: str, n: int, first: int) -> None:
+    """Up to 2,000 gauges have the identifiers of versions 1 and 2; no two frames of a cycle share a DataID."""
+    layout = profile_layout(profile, [f"g{k}" for k in range(n)], 0.1, has_tare=True, readings=READINGS)
+    identifiers = sorted(frame.layout.identifier for frame in layout.frames)
+    assert [first - 1, first] == identifiers[:2] or identifiers[0] == first
+    assert identifiers[-1] < 0x380
+    data_ids = [frame.layout.protection.data_id for frame in layout.frames if frame.layout.protection]
+    assert profile == "classic-le" or len(set(data_ids)) == len(data_ids)

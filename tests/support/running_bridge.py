@@ -59,11 +59,16 @@ class Running:
     """
 
     def __init__(
-        self, open_one: Callable[[], can.BusABC], sender: can.BusABC, queued_cycles: int = QUEUED_CYCLES
+        self,
+        open_one: Callable[[], can.BusABC],
+        sender: can.BusABC,
+        queued_cycles: int = QUEUED_CYCLES,
+        n_gauges: int = N,
+        cycle: float = CYCLE,
     ) -> None:
-        layout = layout_of("fd64", N, CYCLE)
-        results = result_layouts("fd", Identifiers(), CYCLE)
-        self.step = Slow(N)
+        layout = layout_of("fd64", n_gauges, cycle)
+        results = result_layouts("fd", Identifiers(), cycle)
+        self.step = Slow(n_gauges)
         core = Machine(
             layout,
             self.step,
@@ -74,10 +79,10 @@ class Running:
         )
         self.results: list[Result] = []
         self.buses: list[can.BusABC] = []
-        self.sender, self.cycle, self._truth, self.port = sender, 0, Truth(N, 1), 0
+        self.sender, self.cycle, self._truth, self.port = sender, 0, Truth(n_gauges, 1), 0
         assert layout.state is not None
         self._state_key, self.states_results = layout.state.layout.key, True
-        self._encoder, self._start, self._pace = StrainEncoder(layout), time.monotonic(), Pace(CYCLE)
+        self._encoder, self._start, self._pace = StrainEncoder(layout), time.monotonic(), Pace(cycle)
 
         def opened() -> can.BusABC:
             self.buses.append(open_one())
