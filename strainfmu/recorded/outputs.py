@@ -90,6 +90,9 @@ _SLASH = "%2F"
 _COLLECTED_ROWS = 32768
 """Rows that are written at once, or more."""
 
+_GROUP_ROWS = 4 * _COLLECTED_ROWS
+"""Rows of a row group in Parquet, whose description stays in memory until the file is complete."""
+
 _RETAINED = 1 << 16
 """Bytes of each column that HDF5 may retain, less than a chunk, which is written whole; by default 8 MiB."""
 
@@ -222,10 +225,16 @@ def _parquet(
     fields = [arrow.field(name, arrow.float64(), metadata={"unit": unit}) for name, unit in columns]
     fields += [arrow.field(name, arrow.string()) for name in texts]
     schema = arrow.schema(fields, metadata={name: str(value) for name, value in attributes.items()})
+    waiting: list[Any] = []
     with temporary.open("wb") as stream:
         writer = parquet.ParquetWriter(stream, schema, use_dictionary=list(texts))
         while (table := (yield)) is not None:
-            writer.write_table(arrow.table(table, schema=schema))
+            waiting.append(arrow.table(table, schema=schema))
+            if sum(part.num_rows for part in waiting) >= _GROUP_ROWS:
+                writer.write_table(arrow.concat_tables(waiting))
+                waiting.clear()
+        if waiting:
+            writer.write_table(arrow.concat_tables(waiting))
         writer.close()
         stream.flush()
         os.fsync(stream.fileno())
