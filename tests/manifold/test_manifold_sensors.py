@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -67,7 +68,30 @@ class Flights(NamedTuple):
     pressure: FloatArray
 
 
-def flights(vehicle: Vehicle, inverse_map: InverseMap, problem: Problem, held_out: Snapshots, n: int) -> Flights:
+def as_flown(held_out: Snapshots, chosen: np.ndarray, net: FloatArray) -> dict[str, np.ndarray]:
+    """Return the fields of snapshots of the flights: flows of the rows ``chosen`` with the pressure ``net``."""
+    names = ("condition", "internal_pressure", "solved", "flow", "momentum_error", "repairs")
+    fields = {name: getattr(held_out, name)[chosen] for name in names}
+    return fields | {"pressure": net + fields["internal_pressure"][:, None]}
+
+
+def errors_of(vehicle: Vehicle, flown: Snapshots, structure: StructuralModel) -> Iterator[tuple[FloatArray, bool]]:
+    """Yield the strain per dynamic pressure (n, n_d) of each error at the flows as listed, and whether all rows
+    have it in common."""
+    listed = vehicle.map.model_copy(update={"symmetry": "listed"})
+    problem = inverse_problem(vehicle.model_copy(update={"map": listed}), flown, structure)
+    for error in problem.errors:
+        yield error.strain / problem.ensemble.nominal_dynamic_pressure, error.common
+
+
+def flights(
+    vehicle: Vehicle,
+    inverse_map: InverseMap,
+    problem: Problem,
+    held_out: Snapshots,
+    structure: StructuralModel,
+    n: int,
+) -> Flights:
     """Return held-out flows at any roll angle with every error drawn, those of M and p_inf too; q_inf is exact.
 
     Base pressure and friction follow their definitions.
@@ -82,8 +106,8 @@ def flights(vehicle: Vehicle, inverse_map: InverseMap, problem: Problem, held_ou
     rings, turns = net.reshape(n, -1, grid.n_roll), random.integers(grid.n_roll, size=n)
     net = np.array([np.roll(one, turn, axis=1).ravel() for one, turn in zip(rings, turns, strict=True)])
     rows, reference = net @ problem.strain_operator.T, vehicle.reference_quantities()
-    for one in problem.errors:
-        rows += net @ one.operator.T * random.standard_normal((n, 1 if one.common else len(one.operator)))
+    for strain, common in errors_of(vehicle, replace(held_out, **as_flown(held_out, chosen, net)), structure):
+        rows += q[:, None] * strain * random.standard_normal((n, 1 if common else strain.shape[1]))
     following = {one.name for one in problem.errors} | {"base pressure", "friction", "internal pressure"}
     for term in problem.noise:
         if term.name not in following:
@@ -129,11 +153,11 @@ def equipped(vehicle: Vehicle, snapshots: Snapshots, structure: StructuralModel)
 
 
 def test_sensors_sharpen_what_strain_says(
-    vehicle: Vehicle, held_out: Snapshots, equipped: tuple[InverseMap, Problem]
+    vehicle: Vehicle, held_out: Snapshots, structure: StructuralModel, equipped: tuple[InverseMap, Problem]
 ) -> None:
     """Ports and unit: C_A by a quarter, C_N to a third, M_P to an eighth. Coverage of strain, these, and all."""
     inverse_map, problem = equipped
-    flown = flights(with_sensors(vehicle, EVERY_KIND), inverse_map, problem, held_out, DRAWS)
+    flown = flights(with_sensors(vehicle, EVERY_KIND), inverse_map, problem, held_out, structure, DRAWS)
     others = ("cell", "tip", "displacement", "fibre")
     sigma = []
     for without in (("port", "imu", *others), others, ("none",)):
@@ -170,7 +194,7 @@ def test_lost_sensors_leave_the_tables_built_without_them(
     whole, problem = equipped
     fewer = with_sensors(vehicle, EVERY_KIND.model_copy(update=rest))
     rebuilt, _ = built(fewer, snapshots, structure)
-    flown = flights(with_sensors(vehicle, EVERY_KIND), whole, problem, held_out, 20)
+    flown = flights(with_sensors(vehicle, EVERY_KIND), whole, problem, held_out, structure, 20)
     valid = np.array([name not in lost for name in whole.gauge_names])
     assert rebuilt.gauge_names == tuple(np.array(whole.gauge_names)[valid])
     assert not np.isnan(flown.readings).any()
@@ -232,10 +256,10 @@ def test_errors_of_gains_are_those_of_each_row(vehicle: Vehicle, equipped: tuple
 
 
 def test_broken_sensors_are_named_and_ranges_are_their_own(
-    vehicle: Vehicle, held_out: Snapshots, equipped: tuple[InverseMap, Problem]
+    vehicle: Vehicle, held_out: Snapshots, structure: StructuralModel, equipped: tuple[InverseMap, Problem]
 ) -> None:
     inverse_map, problem = equipped
-    flown = flights(with_sensors(vehicle, EVERY_KIND), inverse_map, problem, held_out, 1)
+    flown = flights(with_sensors(vehicle, EVERY_KIND), inverse_map, problem, held_out, structure, 1)
     exact = Estimator(inverse_map)
     at = {
         "dynamic_pressure": flown.dynamic_pressure,
@@ -267,7 +291,7 @@ def test_filter_takes_sensors(
     """
     grid_unknown = replace(snapshots, settings={})
     inverse_map, problem = built(with_sensors(vehicle, EVERY_KIND), grid_unknown, structure)
-    flown = flights(with_sensors(vehicle, EVERY_KIND), inverse_map, problem, held_out, 1)
+    flown = flights(with_sensors(vehicle, EVERY_KIND), inverse_map, problem, held_out, structure, 1)
     random, static = np.random.default_rng(8), Estimator(inverse_map)
     noise = inverse_map.noise_std * inverse_map.sensors.scale
     readings = flown.readings[0] + noise * random.standard_normal((10, inverse_map.n_gauges))
@@ -283,7 +307,11 @@ def test_filter_takes_sensors(
 
 
 def test_map_is_kept_in_a_file_and_its_fmu_gives_the_same(
-    tmp_path: Path, vehicle: Vehicle, held_out: Snapshots, equipped: tuple[InverseMap, Problem]
+    tmp_path: Path,
+    vehicle: Vehicle,
+    held_out: Snapshots,
+    structure: StructuralModel,
+    equipped: tuple[InverseMap, Problem],
 ) -> None:
     """Flights of the vehicle, one sensor of each kind lost in turn, with thrust."""
     inverse_map, problem = equipped
@@ -295,7 +323,7 @@ def test_map_is_kept_in_a_file_and_its_fmu_gives_the_same(
     options = ExportOptions(platforms=["linux64"])
     assert export_estimator(tmp_path / "map.h5", tmp_path / "e.fmu", options) == "nonlinear"
     lost = ["none", "port_90deg", "imu_axial", "imu_pitch", "cell_axial", "tip_up", "fibre_90deg_1"]
-    flown = flights(with_sensors(vehicle, EVERY_KIND), inverse_map, problem, held_out, len(lost))
+    flown = flights(with_sensors(vehicle, EVERY_KIND), inverse_map, problem, held_out, structure, len(lost))
     sensors, thrust, tracker = inverse_map.sensors, 250.0, Estimator(inverse_map)
     names = ["C_A", "C_N", "C_Y", "M_P", "M_Y"]
     with loaded(tmp_path / "e.fmu", tmp_path / "x") as host:
@@ -325,7 +353,7 @@ def test_ports_sharpen_the_pressure_about_them(
     holding = with_sensors(vehicle, Sensors(ports=PORTS))
     holding = holding.model_copy(update={"map": holding.map.model_copy(update={"keep_field": True})})
     inverse_map, problem = built(holding, snapshots, structure)
-    flown, grid = flights(holding, inverse_map, problem, held_out, 12), structure.surface
+    flown, grid = flights(holding, inverse_map, problem, held_out, structure, 12), structure.surface
     node = int(np.argmin(np.abs(grid.x - PORTS.x_m))) * grid.n_roll
     with_ports, alone = estimated(inverse_map, flown, "none"), estimated(inverse_map, flown, "port")
     inside, ratio = [], []

@@ -39,7 +39,7 @@ def test_what_sensors_buy_the_nonlinear_estimator_at_the_shipped_resolution() ->
     sigma, inside = {}, {}
     for name, (sensors, without) in rows.items():
         inverse_map, problem = maps[id(sensors)]
-        flights_of = flights(with_sensors(vehicle, sensors), inverse_map, problem, held_out, 3000)
+        flights_of = flights(with_sensors(vehicle, sensors), inverse_map, problem, held_out, structure, 3000)
         found = estimated(inverse_map, flights_of, *without)
         sigma[name] = np.sqrt(np.mean(found.coefficients_std**2, axis=0))
         inside[name] = np.mean(
