@@ -72,13 +72,13 @@ def as_flown(held_out: Snapshots, chosen: np.ndarray, net: FloatArray) -> dict[s
     """Return the fields of snapshots of the flights: flows of the rows ``chosen`` with the pressure ``net``."""
     names = ("condition", "internal_pressure", "solved", "flow", "momentum_error", "repairs")
     fields = {name: getattr(held_out, name)[chosen] for name in names}
-    return fields | {"pressure": net + fields["internal_pressure"][:, None]}
+    return fields | {"pressure": net + fields["internal_pressure"][:, None], "mass_error": np.zeros(len(chosen))}
 
 
 def errors_of(vehicle: Vehicle, flown: Snapshots, structure: StructuralModel) -> Iterator[tuple[FloatArray, bool]]:
     """Yield the strain per dynamic pressure (n, n_d) of each error at the flows as listed, and whether all rows
     have it in common."""
-    listed = vehicle.map.model_copy(update={"symmetry": "listed"})
+    listed = vehicle.map.model_copy(update={"symmetry": "listed", "estimator": "linear"})
     problem = inverse_problem(vehicle.model_copy(update={"map": listed}), flown, structure)
     for error in problem.errors:
         yield error.strain / problem.ensemble.nominal_dynamic_pressure, error.common
