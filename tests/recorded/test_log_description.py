@@ -71,7 +71,7 @@ WRONG: tuple[tuple[str, Any, str], ...] = (
     ("options.stuck_cycles", 2.5, "entry 'stuck_cycles': expected int or null, got '2.5'"),
     ("options.synchronised", "x", "entry 'synchronised': expected float or null, got 'x'"),
     ("options.dynamic_pressure", "9e4", "entry 'dynamic_pressure': expected float or null, got '9e4'"),
-    ("options.identifiers.base", "0x300", "entry 'base': expected int, got '0x300'"),
+    ("options.identifiers.base", "0x300", "entry 'base': expected int or null, got '0x300'"),
     ("options.identifiers", [1], "entry 'identifiers': expected dict, got '[1]'"),
     ("options.bus_options", [1], "entry 'bus_options': expected str, got '1'"),
     ("options.dbc", 5, "entry 'dbc': expected str or null, got '5'"),
