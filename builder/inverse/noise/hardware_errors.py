@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -234,7 +234,8 @@ def _by_harmonics(model: RevolvedStructure, keys: Collection[Key], ensemble: Ens
     for first in range(0, n_d, GAUGES_AT_ONCE):
         some = slice(first, first + GAUGES_AT_ONCE)
         part = model.some(some)
-        derivatives = parameter_derivatives(part.strain_spectrum, as_drawn(part.counts), list(keys))
+        spectrum = cast(Any, part.strain_spectrum)  # complex: derivatives are of any numbers
+        derivatives: dict[Key, Any] = {**parameter_derivatives(spectrum, as_drawn(part.counts), list(keys))}
         for key, derivative in derivatives.items():
             strain[key][:, some] = ensemble.of_spectrum(derivative)
     return strain

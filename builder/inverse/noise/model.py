@@ -272,7 +272,7 @@ def principal_columns(columns: FloatArray, least: float) -> FloatArray:
     size, sampled, random = min(columns.shape), SAMPLED, np.random.default_rng(1)
     while size > DIRECT and sampled < size:
         basis = np.linalg.qr(columns @ random.standard_normal((columns.shape[1], sampled)))[0]
-        part = _left_factor(np.linalg.qr((basis.T @ columns).T, mode="r").T)
+        part = _left_factor(np.asarray(np.linalg.qr((basis.T @ columns).T, mode="r")).T)
         if np.linalg.norm(part[:, -1]) <= least:
             part = basis @ part
             break
