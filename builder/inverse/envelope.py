@@ -136,7 +136,7 @@ SAMPLES, SEED = 12_000, 77
 SMALLEST_LIMIT = 1.0
 
 GAUGES_OF_ALL_SAMPLES = 512
-"""Gauges whose readings of all samples are held at once; those of more are drawn in parts."""
+"""Gauges whose readings of all samples are held at once; samples of more gauges are drawn in parts."""
 
 TAIL = 0.01
 """Fraction of the sample that the tail is fitted to."""
