@@ -63,7 +63,7 @@ def samples(inverse_map: InverseMap, lost: int, fault: float, seed: int) -> tupl
     return readings, pressure
 
 
-@pytest.mark.parametrize("lost", [0, 1, 18])
+@pytest.mark.parametrize("lost", [0, 1, 7, 18])
 @pytest.mark.parametrize("fault", [0.0, 1e-4])
 def test_columns_agree_with_full_matrices(
     inverse_map: InverseMap, monkeypatch: pytest.MonkeyPatch, lost: int, fault: float
@@ -88,6 +88,22 @@ def test_shipped_gauges_by_columns_agree_with_full_matrices(
     full = Estimator(replace(shipped)).estimate(readings, pressure)
     monkeypatch.setattr(of_maps, "DENSE_GAUGES", 1)
     compare(full, Estimator(replace(shipped)).estimate(readings, pressure), of_z=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("lost", [0, 1, 16, 17, 170])
+def test_512_gauges_by_columns_agree_with_full_matrices(monkeypatch: pytest.MonkeyPatch, lost: int) -> None:
+    """Few columns, and errors of each gauge; lost ones are taken off one by one, or are too many for that."""
+    whole = whole_scaled_map(1, seed=4, n=512, n_states=4)
+    common, own = np.r_[:20, -18:0], whole.error_strain[:, -530:-18]  # errors at strain stand last
+    columns = {"error_strain": whole.error_strain[:, common], "error_load": whole.error_load[:, common]}
+    many = replace(whole, **columns, own_error_strain=np.linalg.norm(own, axis=1))
+    readings, pressure = samples(many, lost, 1e-4, seed=lost + 1)
+    full = Estimator(many).estimate(readings, pressure)
+    monkeypatch.setattr(of_maps, "DENSE_GAUGES", 511)
+    by_columns = replace(many)
+    assert by_columns.is_low_rank
+    compare(full, Estimator(by_columns).estimate(readings, pressure), of_z=1e-9)
 
 
 def compare(full: Estimate, columns: Estimate, of_z: float) -> None:

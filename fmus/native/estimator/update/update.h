@@ -184,7 +184,7 @@ typedef struct {
     double loads[N_LOADS], covariance[N_LOADS * N_LOADS];
 } ScaledStep;
 
-/* Many gauges with few columns of errors, low_rank.c: their `order` columns H are the first of rows [H, X_t, m], which are
+/* Many gauges with few columns of errors, low_rank_columns.c: their `order` columns H are the first of rows [H, X_t, m], which are
    `width` apart. */
 #define LOW_NODES 12
 #define LOW_INTERVALS 4                     /* of the ratio, each for a set of gauges, that are kept */
@@ -194,12 +194,15 @@ typedef struct {
 
 typedef struct {
     double number;         /* of the interval; NaN before it is known */
-    unsigned long gauges;  /* number of the set of gauges */
+    unsigned long gauges;  /* number of the set of gauges, 0 of all */
     double middle;         /* ratio */
     double *covariance;    /* (LOW_NODES, order (order + 1) / 2) C at each point, packed by rows from the diagonal on */
     double *column;        /* (LOW_NODES, 6, order) g and g_m */
     double *precision;     /* (LOW_NODES, n_gauges) P_ii */
     double *value;         /* (LOW_NODES, N_LOW_VALUES) */
+    /* What a set with further gauges lost follows from: */
+    double *left, *gain;   /* (LOW_NODES, 5, 6) X_t' W [X_t, m]; (LOW_NODES, 5, n_gauges) G */
+    double *term_load, *term_square; /* (LOW_NODES, 5, 6 n_terms) G E'; (LOW_NODES, 6 n_terms, 6) E' P E */
 } LowInterval;
 
 typedef struct {
@@ -227,8 +230,8 @@ typedef struct {
     double *triangle;               /* (order, order) L by columns */
     double *inverse, *square, *rows, *ones; /* scratch of C */
     double *load_left;              /* (5, order) F' */
-    double *along, *gain;           /* (n_gauges, order) B; (5, n_gauges) G */
-    double *of_term, *term_load, *term_square; /* of common errors */
+    double *along;                  /* (n_gauges, order) B */
+    double *of_term;                /* (6 n_terms, order) of common errors */
     double *sized, *vector;         /* (n_gauges) scratch */
     /* At a ratio of 1, of sets of gauges: */
     double *nominal_weight, *nominal_along, *nominal_precision;
