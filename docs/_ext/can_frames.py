@@ -10,7 +10,7 @@ from generated_text import GeneratedText
 from sphinx.application import Sphinx
 
 from strainfmu.can.frame_layout import FLOAT, SIGNED, FrameLayout, SignalLayout
-from strainfmu.can.profiles import Identifiers, profile_layout
+from strainfmu.can.profiles import BASE, Identifiers, profile_layout
 from strainfmu.can.quality import Cause, all_words
 from strainfmu.can.result_frames import result_layouts
 from strainfmu.estimator.other_loads import FAMILIES, LoadGroup
@@ -46,9 +46,9 @@ def _input_frames(profile: str) -> list[tuple[str, FrameLayout]]:
     gauges = [f"strain_{i}" for i in range(1, GAUGES + 1)]
     readings = {f"sensor.reading_{i}": "" for i in range(1, GAUGES + 1)}
     layout = profile_layout(profile, gauges, CYCLE, has_tare=True, readings=readings)
-    frames, base = [], Identifiers().base
+    frames = []
     for one in sorted((frame.layout for frame in layout.frames), key=lambda one: one.identifier):
-        offset, kind = one.identifier - base, one.name.rstrip("0123456789")
+        offset, kind = one.identifier - BASE, one.name.rstrip("0123456789")
         is_repeated = kind in ("Strain", "Sensors")
         if is_repeated and one.name != f"{kind}1":
             continue
