@@ -38,7 +38,7 @@ from strainfmu.estimator.gauge_zeros import GaugeZeros
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 from strainfmu.files import fingerprint, write_bytes_atomically
 
-VERSION = 9
+VERSION = 10
 """Raised whenever scores change otherwise than by their inputs, so that they are made again."""
 
 TENTHS = 10

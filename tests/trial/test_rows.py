@@ -210,6 +210,11 @@ def test_the_flow_makes_it_no_larger_and_there_is_none_without_tables_nor_beyond
     assert np.isnan(found).all(axis=1).tolist() == [True, True, False]
 
 
+def test_zeros_of_a_calibration_do_not_change_it() -> None:
+    zeros = 3e-3 * np.random.default_rng(1).standard_normal(N_D)
+    np.testing.assert_allclose(bound_of(replace(small_map(), zero_offset=zeros)), bound_of(small_map()), rtol=1e-6)
+
+
 def test_errors_have_the_covariance_that_the_map_states() -> None:
     """40,000 samples at two conditions, noise of the draw 1 %: strain, loads and what joins them."""
     inverse_map = with_considered_columns(with_considered_error(whole_map()))

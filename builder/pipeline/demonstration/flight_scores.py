@@ -44,7 +44,7 @@ from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
 from strainfmu.flight_condition import FlightCondition
 from strainfmu.interface.sensor_variables import reading_names
 
-SCORE_VERSION = 5
+SCORE_VERSION = 6
 """Raised whenever scores of flights have other figures of the same files."""
 
 AIR_DATA = (*ANGLES, MACH_NUMBER, DYNAMIC_PRESSURE)

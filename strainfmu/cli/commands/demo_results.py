@@ -102,26 +102,17 @@ def _show_details(console: Console, result: DemoResult) -> None:
 
 
 def _accuracy_table(title: str, scores: dict[str, Any]) -> Table:
-    """Return a table of rms errors and coverage of the coefficients, two columns for each of ``scores``."""
-    table = Table(title=title)
-    table.add_column("")
-    for name in scores:
-        table.add_column(f"{name}: rms error (bound)", justify="right")
-        table.add_column("truth within 3 sigma", justify="right")
+    """Return a table of rms errors and coverage of the coefficients, a row for each of ``scores``."""
+    table = Table(title=title, box=None, pad_edge=False, padding=(0, 3, 0, 0), title_justify="left")
+    for heading in ("", "", "rms error", "bound", "within 3 sigma"):
+        table.add_column(heading, justify="right" if heading else "left")
     for coefficient in COEFFICIENT_NAMES:
-        cells = [
-            text
-            for score in scores.values()
-            for text in (_rms_of(score, coefficient), f"{score['coverage'][coefficient]:.2%}")
-        ]
-        table.add_row(f"{coefficient} [1]", *cells)
+        for name, score in scores.items():
+            error, bound = score["rms_error"][coefficient], score["bound"][coefficient]
+            first = coefficient if name == next(iter(scores)) else ""
+            of_bound = "-" if bound is None else f"{bound:.2e}"
+            table.add_row(first, name, f"{error:.2e}", of_bound, f"{score['coverage'][coefficient]:.2%}")
     return table
-
-
-def _rms_of(scores: dict[str, Any], name: str) -> str:
-    """Return an rms error, with its Cramer-Rao bound where there is one."""
-    bound = scores["bound"][name]
-    return f"{scores['rms_error'][name]:.2e}" + ("" if bound is None else f" ({bound:.1e})")
 
 
 def _show_estimators(console: Console, estimators: dict[str, Any]) -> None:
@@ -130,8 +121,8 @@ def _show_estimators(console: Console, estimators: dict[str, Any]) -> None:
     table = _accuracy_table("Linear and nonlinear estimator on the same strains", in_words)
     flown = estimators["nonlinear"]
     for name in ("angle_of_attack", "sideslip_angle"):
-        cells = [f"{degrees(flown['rms_error'][name]):.3f}", f"{flown['coverage'][name]:.2%}"]
-        table.add_row(escape(f"{name.replace('_', ' ')} [deg]"), "-", "-", *cells)
+        cells = [f"{degrees(flown['rms_error'][name]):.3f}", "-", f"{flown['coverage'][name]:.2%}"]
+        table.add_row(escape(f"{name.replace('_', ' ')} [deg]"), estimator_in_words("nonlinear"), *cells)
     console.print(table)
 
 
