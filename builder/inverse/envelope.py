@@ -155,8 +155,8 @@ def with_score_limit(inverse_map: InverseMap, problem: Problem, solution: Soluti
         conditions = ensemble.conditions
         q = np.tile([condition.dynamic_pressure for condition in conditions], n // len(conditions))
     estimator, scores = Estimator(inverse_map.without_tables()), list[FloatArray]()
-    drawn = random.choice(n, size=SAMPLES, p=ensemble.member_weight)
-    for rows in np.array_split(drawn, 1 + (inverse_map.n_gauges - 1) // GAUGES_OF_ALL_SAMPLES):
+    samples = random.choice(n, size=SAMPLES, p=ensemble.member_weight)
+    for rows in np.array_split(samples, 1 + (inverse_map.n_gauges - 1) // GAUGES_OF_ALL_SAMPLES):
         readings = (problem.strain[rows] + _errors(problem, solution, rows, random)) * inverse_map.sensors.scale
         stated = q[rows] * (1.0 + inverse_map.dynamic_pressure_error * random.standard_normal(len(rows)))
         scores.append(np.asarray(estimator.estimate(readings, stated).envelope_score))

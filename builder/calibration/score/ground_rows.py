@@ -275,8 +275,8 @@ def applied_test(
     world: GroundWorld, entry: GroundTest, test: LoadTest, as_built: AsBuilt, random: np.random.Generator
 ) -> AppliedTest:
     """Return the test as it is applied to a vehicle of the truth, with drawn errors of its loads."""
-    drawn = random.standard_normal((entry.load_cells, 2)) * (test.errors.common, test.errors.cell_offset)
-    cells = [CellErrors(gain=gain, offset=offset) for gain, offset in drawn.tolist()]
+    errors = random.standard_normal((entry.load_cells, 2)) * (test.errors.common, test.errors.cell_offset)
+    cells = [CellErrors(gain=gain, offset=offset) for gain, offset in errors.tolist()]
     strain, weight = np.zeros((2, *test.readings.shape))
     for number, case in enumerate(test.cases):
         for known in case.loads:

@@ -239,17 +239,14 @@ class GroundWorld(Shared):
         """Return the test of a case, without readings."""
         noise, structure, n_cells = MICRO * entry.reading_std_um_per_m, self.structure, entry.load_cells
         errors = LoadErrors(load=0.01 * entry.load_percent, common=0.01 * entry.load_cell_percent)
-        together = replace(errors, common=errors.common / n_cells**0.5)  # cells differ independently
+        on_average = replace(errors, common=errors.common / n_cells**0.5)  # cells differ independently
 
         def made() -> ReadingsModel:
-            none, std, in_turn = (
-                np.zeros(structure.n_gauges),
-                np.full(structure.n_gauges, noise),
-                cycle(range(n_cells)),
-            )
+            none, std = np.zeros(structure.n_gauges), np.full(structure.n_gauges, noise)
+            in_turn = cycle(range(n_cells))
             cases = tuple(
                 LoadCase(name=case.name, loads=on_cells(case, errors, in_turn), reading=none, reading_std=std)
-                for case in self._cases(entry.pads, noise, together)
+                for case in self._cases(entry.pads, noise, on_average)
             )
             test = LoadTest(gauge_names=structure.gauges.names, cases=cases, errors=errors)
             return ReadingsModel(structure, test, prior_of_test(self.vehicle, structure))
