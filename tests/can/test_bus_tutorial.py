@@ -47,8 +47,8 @@ def bench(tmp_path: Path) -> tuple[Path, list[str], str, str]:
     """Return a folder with all that the tutorial needs, its commands, its program, and the address of the page."""
     page = ROOT / "docs/tutorials/bus.md"
     text = page.read_text("utf-8")
-    first, last = (text[: text.index(mark)].count("\n") for mark in (SECTION, "## Send it again"))
-    own = [one for one in snippets(page) if first < one.line < last]
+    first = text[: text.index(SECTION)].count("\n")
+    own = [one for one in snippets(page) if one.line > first]
     files = [one for one in own if one.kind == "file"]
     commands = [one.text.strip() for one in own if one.language == "sh"]
     (program,) = [one.text for one in own if one.language == "python"]
