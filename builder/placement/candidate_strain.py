@@ -34,7 +34,7 @@ from builder.structure.solid.gauge_layouts import (
     surface_axes,
 )
 from builder.structure.solid.gauge_layouts import STEP as SOLID_STEP
-from builder.structure.solid.gauge_rows import Gauges, gauge_rows
+from builder.structure.solid.gauge_rows import Gauges, gauge_rows, joined_gauges
 from builder.structure.solid.nodal_loads import split_surface
 from builder.structure.solid.solid_mesh import EXTERNAL
 from builder.structure.solid.strain_solution import solve_fields
@@ -146,10 +146,10 @@ def solid_strain(
     """
     moved = displaced_on_surface("", gauges, *surface_axes(case.mesh.full, gauges))
     own_part, moved_part, solved_part = _parts_of(progress, (0.1, 0.6, 1.0))
-    rows = [gauge_rows(case.mesh.full, gauges, with_twins=True, progress=own_part)]
+    rows = [gauge_rows(case.mesh.full, gauges, progress=own_part)]
     # All in one call: directions at one point share the search for it.
-    together = _one_after_another(list(moved.values()))
-    rows.append(gauge_rows(case.mesh.full, together, near_surface=True, with_twins=True, progress=moved_part))
+    together = joined_gauges([*moved.values()])
+    rows.append(gauge_rows(case.mesh.full, together, near_surface=True, progress=moved_part))
     fields = mapped_fields(basis.fields, split_surface(case.mesh.full, EXTERNAL)[0], snapshots)
     of_all = csr_array(vstack(rows))
     strain = solve_fields(
@@ -170,16 +170,6 @@ def solid_strain(
         layout_roll=np.hypot(gauges.position[:, 1], gauges.position[:, 2])[:, None] * around,
         wall_thickness=-at_gauge,
         thermal=np.zeros((len(at_gauge), 0)),
-    )
-
-
-def _one_after_another(gauges: Sequence[Gauges]) -> Gauges:
-    return Gauges(
-        name=tuple(name for group in gauges for name in group.name),
-        position=np.concatenate([group.position for group in gauges]),
-        direction=np.concatenate([group.direction for group in gauges]),
-        length=np.concatenate([group.length for group in gauges]),
-        surface=tuple(name for group in gauges for name in group.surface),
     )
 
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from builder.processors import peak_memory
 from builder.structure.gauge_placement import gauge_mesh
-from builder.structure.solid.cyclic import cyclic_gauge_rows
+from builder.structure.solid.cyclic import sector_rows
 from builder.structure.solid.gauge_layouts import solid_gauges
 from builder.structure.solid.linear_solvers import CYCLIC, named_back_end
 from builder.structure.solid.matter import Matter
@@ -95,7 +95,7 @@ def measure(path: Path, n_dof: int, solver_name: str) -> GrowthRow:
     vehicle = load_vehicle(path)
     sector = sector_of_size(vehicle, n_dof)
     matter = Matter(material=wall_of(vehicle).material, density=None)
-    rows = cyclic_gauge_rows(sector, solid_gauges(vehicle, vehicle.gauges.layout, gauge_mesh(vehicle)))
+    rows = sector_rows(sector, solid_gauges(vehicle, vehicle.gauges.layout, gauge_mesh(vehicle)))
     solved = solve_strain(sector, matter, Clamped(SUPPORT), rows, solver_name)
     return GrowthRow(
         solver=solver_name,

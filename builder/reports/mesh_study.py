@@ -26,13 +26,12 @@ from builder.structure.fourier.strain_operator import harmonic_response
 from builder.structure.mapped_structure import MappedStructure, mapped_operator
 from builder.structure.solid.case import SolidCase, structure_case
 from builder.structure.solid.checks import ELEMENT_FRACTION
-from builder.structure.solid.cyclic import layout_rows
 from builder.structure.solid.gmsh_mesh import graded_wall_mesh, load_gmsh
 from builder.structure.solid.linear_solvers import CYCLIC, named_back_end
 from builder.structure.solid.mesh_choice import TETRAHEDRON_LENGTH
 from builder.structure.solid.nodal_loads import triangulated_surface
 from builder.structure.solid.solid_mesh import EXTERNAL, SolidMesh
-from builder.structure.solid.strain_solution import solve_strain
+from builder.structure.solid.strain_solution import layout_rows, solve_strain
 from builder.structure.solid.swept_mesh import SweptSector, swept_wall
 from builder.structure.wall import Wall, wall_of
 from builder.trial.estimators import Estimates

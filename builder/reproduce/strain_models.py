@@ -26,7 +26,7 @@ from builder.reproduce.protocol import Sizes
 from builder.structure.fourier.fourier_model import structural_model
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.mapped_structure import mapped_operator
-from builder.structure.solid.cyclic import cyclic_gauge_rows
+from builder.structure.solid.cyclic import SectorRows, rows_in_sectors, sector_rows
 from builder.structure.solid.elements import CurvedFacets, boundary_facets, foot_point
 from builder.structure.solid.gauge_layouts import solid_gauges
 from builder.structure.solid.gauge_rows import Gauges, gauge_rows
@@ -224,7 +224,7 @@ def tetrahedral_model(
         sector=sector,
         gauges=gauges,
         snapshots=snapshots,
-        rows=rows,
+        rows=rows_in_sectors(sector, rows),
         progress=progress,
     )
 
@@ -235,14 +235,13 @@ def hexahedral_model(
     """Return swept hexahedra of second order, gauges at their positions by patch recovery."""
     sector = swept_wall(vehicle.body(), wall_of(vehicle), sizes.hexahedra)
     gauges = _gauges(vehicle)
-    rows = cyclic_gauge_rows(sector, gauges)
     return _solid_model(
         name=HEXAHEDRA,
         vehicle=vehicle,
         sector=sector,
         gauges=gauges,
         snapshots=snapshots,
-        rows=rows,
+        rows=sector_rows(sector, gauges),
         progress=progress,
     )
 
@@ -273,7 +272,7 @@ def _solid_model(
     sector: SweptSector,
     gauges: Gauges,
     snapshots: Snapshots,
-    rows: Any,
+    rows: SectorRows,
     progress: Progress | None,
 ) -> StrainModel:
     """Solve for the strain of ``rows`` per pressure at the snapshots' nodes, base ring clamped."""

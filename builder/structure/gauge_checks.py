@@ -10,10 +10,10 @@ from builder.structure.fourier.fourier_model import place_layouts
 from builder.structure.fourier.wall_layup import TOUCHES, change_stations
 from builder.structure.gauge_placement import gauge_mesh
 from builder.structure.solid.case import structure_case
-from builder.structure.solid.cyclic import layout_rows
 from builder.structure.solid.gauge_layouts import solid_gauges
 from builder.structure.solid.gauge_rows import Gauges
 from builder.structure.solid.mesh_choice import MeshChoice, make_mesh
+from builder.structure.solid.strain_solution import layout_rows
 from builder.structure.wall import wall_of
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray

@@ -20,7 +20,7 @@ from builder.structure.observability import (
     wave_names,
     wave_response,
 )
-from builder.structure.solid.cyclic import CyclicSolver, cyclic_gauge_rows, cyclic_problem, pressure_operator
+from builder.structure.solid.cyclic import CyclicSolver, cyclic_problem, pressure_operator, sector_rows
 from builder.structure.solid.gauge_rows import gauges_at
 from builder.structure.solid.nodal_loads import triangulated_surface
 from builder.structure.solid.supports import Clamped
@@ -200,7 +200,7 @@ def test_swept_mesh_is_as_blind(fourier: StructuralModel) -> None:
 
 def response_on_mesh(vehicle: Vehicle, sector: SweptSector, layout: GaugeLayout) -> SmoothResponse:
     problem = cyclic_problem(sector, {REGION: wall_of(vehicle).material}, [Clamped("support")])
-    rows = cyclic_gauge_rows(sector, gauges_at(layout.position, layout.direction, layout.names))
+    rows = sector_rows(sector, gauges_at(layout.position, layout.direction, layout.names))
     z = CyclicSolver(problem).strain_operator(rows, pressure_operator(sector, "external"))
     mesh = triangulated_surface(full_mesh(sector), "external")
     return smooth_response(z, mesh.point, mesh.node_area)

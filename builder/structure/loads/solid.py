@@ -25,7 +25,7 @@ from builder.structure.solid.elements import (
     reference_element,
     reference_facet,
 )
-from builder.structure.solid.gauge_rows import Gauges, gauge_rows
+from builder.structure.solid.gauge_rows import Gauges, gauge_rows, refuse_twins
 from builder.structure.solid.linear_solvers import choose_solver
 from builder.structure.solid.matter import FreeFlight, Matter, free_flight
 from builder.structure.solid.mesh_choice import MeshChoice
@@ -213,6 +213,7 @@ def solid_structure(
     SolverError
         The solution's residual is too large.
     """
+    refuse_twins(gauges)
     problem = held_problem(mesh, dict.fromkeys(mesh.region_names, material), supports)
     solver = choose_solver(problem, solver_name)
     return SolidStructure(

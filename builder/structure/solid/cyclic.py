@@ -6,21 +6,14 @@ u_s = 1/n sum over m of w^(m s) U(m) with w = exp(2 pi i / n), leaves one small 
 A(m) = A_0 + A_1 w^m + A_2 w^-m, and harmonics n - m are the conjugates of m (Davis, Circulant Matrices, section
 5.6; Thomas, Int. J. Numer. Meth. Eng. 14, 1979, for vibration of rotors). Sectors need no symmetry of their own.
 
-Gauge rows of a structure of equal sectors, taken apart into patterns and shifts by sectors.
-
-Gauges at the same position in different sectors have the same response but for the shift, so that a row of gauges
-at four roll angles costs one solution instead of four.
+Gauges at the same position in different sectors have the same row and the same response but for the shift, so
+that a row of gauges at four roll angles costs one solution instead of four. The strain of a gauge depends on the
+facets around it alone: rolled by whole sectors it is searched for on a window of a few of them.
 
 Solver of structures of equal sectors: one small complex system per harmonic, SuperLU each, in threads.
 
 No factor and no field over the whole structure is kept, so memory grows with one sector and with the result.
 SuperLU releases Python's lock, so threads suffice.
-
-Gauge rows of a structure of equal sectors, found on a few of them.
-
-The strain of a gauge depends on the facets around it alone. It is rolled, by whole sectors, into a window of a few
-sectors; the search costs the same however many sectors there are, and gauges at the same position in different
-sectors get the same row.
 """
 
 from __future__ import annotations
@@ -33,7 +26,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import block_diag, coo_array, csc_array, csr_array, eye_array, kron, vstack
+from scipy.sparse import block_diag, coo_array, csc_array, csr_array, eye_array, kron
 
 from builder.processors import processors
 from builder.reporting import Progress
@@ -48,7 +41,7 @@ from builder.structure.solid.sparse_problem import (
 )
 from builder.structure.solid.stiffness import assemble_stiffness
 from builder.structure.solid.supports import Support, restrain
-from builder.structure.solid.swept_mesh import AnyMesh, SweptSector, sector_window
+from builder.structure.solid.swept_mesh import SweptSector, sector_window
 from builder.structure.wall import Material
 from strainfmu.arrays import ComplexArray, FloatArray, IntArray
 from strainfmu.errors import InputError
@@ -147,7 +140,7 @@ def pressure_operator(sector: SweptSector, surface_name: str) -> CircularOperato
     """
     both, node = sector_window(sector), surface_nodes(sector, surface_name)
     load = facet_pressure_load(both.node, both.named_surface(surface_name))
-    within, after, before = _blocks(csr_array(_two_frames(sector).T @ load))
+    within, after, before = _blocks(csr_array(_frames(sector, range(2)).T @ load))
     return CircularOperator(
         n_sectors=sector.n_sectors, within=within[:, node], after=after[:, node], before=before[:, node]
     )
@@ -162,15 +155,15 @@ def force_operator(sector: SweptSector, surface_name: str) -> CircularOperator:
 
 def _symmetric(sector: SweptSector, both: csr_array) -> CircularOperator:
     """Return the operator of a symmetric matrix over the dofs of two sectors, summed over the first's elements."""
-    frame = _two_frames(sector)
+    frame = _frames(sector, range(2))
     within, after, _ = _blocks(csr_array(frame.T @ both @ frame))
     return CircularOperator(n_sectors=sector.n_sectors, within=within, after=after, before=csr_array(after.T))
 
 
-def _two_frames(sector: SweptSector) -> csr_array:
-    """Return (6 n_s, 6 n_s): vectors of two sectors in their frames to body axes."""
-    second = kron(eye_array(sector.n_nodes), sector.rotation(1))
-    return csr_array(block_diag([eye_array(sector.n_dof), second], format="csr"))
+def _frames(sector: SweptSector, sectors: range) -> csr_array:
+    """Return vectors of ``sectors`` along body axes per the same in their frames."""
+    turns = [kron(eye_array(sector.n_nodes), sector.rotation(s)) for s in sectors]
+    return csr_array(block_diag(turns, format="csr"))
 
 
 def _blocks(both: csr_array) -> tuple[csr_array, csr_array, csr_array]:
@@ -204,46 +197,89 @@ BOUNDARY = 1e-9  # of a sector: a gauge this close before a sector counts to it
 DECIMALS = 12  # m: positions are rounded there, so that rolled gauges agree to the last bit
 
 
-def layout_rows(mesh: AnyMesh, layouts: Mapping[str, Gauges], near_surface: bool = False) -> csr_array:
-    """Return B of all layouts on a mesh, one after another; within a layout no gauge may occur twice.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SectorRows:
+    """Gauge rows B of a structure of equal sectors: distinct ones in sector frames, and where each gauge has one.
 
-    ``near_surface``, of meshes that are not swept, is as in
-    :func:`~builder.structure.solid.gauge_rows.gauge_rows`.
-    """
-    if isinstance(mesh, SweptSector):
-        rows = [cyclic_gauge_rows(mesh, gauges) for gauges in layouts.values()]
-    else:
-        rows = [gauge_rows(mesh, gauges, near_surface) for gauges in layouts.values()]
-    return csr_array(vstack(rows))
-
-
-def cyclic_gauge_rows(sector: SweptSector, gauges: Gauges) -> csr_array:
-    """Return B, the strain of each gauge per displacement of the whole structure, body axes.
-
-    Parameters
+    Attributes
     ----------
     sector : the mesh of one sector.
-    gauges : the gauges, in body axes.
-
-    Returns
-    -------
-    (n_gauges, n_dof) [1/m], as :func:`~builder.structure.solid.gauge_rows.gauge_rows` gives on the full
-    mesh; a gauge on the line between two sectors is searched for in the latter and takes the mean of both.
+    first : number of the first sector that a pattern reaches, from the gauge's own.
+    pattern : (n_patterns, n_w * n_dof) strain per displacement of n_w sectors from the first [1/m].
+    pattern_of_row, shift_of_row : (n_d,) row g is pattern ``pattern_of_row[g]`` moved on by that many sectors.
     """
+
+    sector: SweptSector
+    first: int
+    pattern: csr_array
+    pattern_of_row: IntArray
+    shift_of_row: IntArray
+
+    @property
+    def n_patterns(self) -> int:
+        return int(self.pattern.shape[0])
+
+    def harmonic(self, m: int) -> csc_array:
+        """Return (n_dof, n_patterns): the transposed patterns on harmonic ``m``, a Fourier sum over sectors."""
+        entries, n_dof, n_sectors = self.pattern.tocoo(), self.sector.n_dof, self.sector.n_sectors
+        # Whole turns are taken off before the sine is, so that the phase is exact to round-off.
+        turns = m * (entries.col // n_dof + self.first) % n_sectors
+        data = entries.data * np.exp(-2j * np.pi * turns / n_sectors)
+        return csc_array((data, (entries.col % n_dof, entries.row)), shape=(n_dof, self.n_patterns))
+
+    def along_body_axes(self) -> csr_array:
+        """Return B (n_d, n_dof of the structure) [1/m] per displacement along body axes."""
+        sector, n_dof = self.sector, self.sector.n_dof
+        rows = coo_array(self.pattern[self.pattern_of_row])
+        moved = (rows.col // n_dof + self.first + self.shift_of_row[rows.row]) % sector.n_sectors
+        shape = (len(self.pattern_of_row), sector.n_sectors * n_dof)
+        in_frames = coo_array((rows.data, (rows.row, moved * n_dof + rows.col % n_dof)), shape=shape)
+        return csr_array(csr_array(in_frames) @ _frames(sector, range(sector.n_sectors)).T)
+
+
+def rows_in_sectors(sector: SweptSector, rows: csr_array) -> SectorRows:
+    """Return gauge rows (n_d, n_dof of the structure) [1/m] along body axes, each as a pattern of its own."""
+    n_dof = sector.n_sectors * sector.n_dof
+    if not rows.shape[0] or rows.shape[1] != n_dof or not np.isfinite(rows.data).all():
+        raise InputError(f"gauge rows {rows.shape}: must be at least one row of {n_dof} finite columns")
+    every = np.arange(rows.shape[0])
+    in_frames = csr_array(rows @ _frames(sector, range(sector.n_sectors)))
+    return SectorRows(
+        sector=sector, first=0, pattern=in_frames, pattern_of_row=every, shift_of_row=np.zeros_like(every)
+    )
+
+
+def sector_rows(sector: SweptSector, gauges: Gauges) -> SectorRows:
+    """Return the rows of gauges in body axes, as :func:`~builder.structure.solid.gauge_rows.gauge_rows` does.
+
+    A gauge on the line between two sectors is searched for in the latter and takes the mean of both.
+    """
+    turns = np.arctan2(gauges.position[:, 1], gauges.position[:, 2]) / (2.0 * np.pi) % 1.0
+    shift: IntArray = np.floor(turns * sector.n_sectors + BOUNDARY).astype(np.int64) % sector.n_sectors
+    frames = np.stack([sector.rotation(s) for s in range(sector.n_sectors)])[shift]
+    position, direction = (
+        np.round(np.einsum("gi,gij->gj", vectors, frames), DECIMALS) + 0.0  # which makes 0 of -0
+        for vectors in (gauges.position, gauges.direction)
+    )
+    rolled = replace(gauges, position=position, direction=direction)
+    numbers: dict[tuple[bytes, str], int] = {}
+    places = np.column_stack([position, direction, gauges.length])
+    pattern_of_row = np.array(
+        [
+            numbers.setdefault((place.tobytes(), name), len(numbers))
+            for place, name in zip(places, gauges.surface, strict=True)
+        ]
+    )
+    distinct = rolled.some(np.unique(pattern_of_row, return_index=True)[1])
     reach = min(NEIGHBOURS + _sectors_along(sector, gauges), (sector.n_sectors - 1) // 2)
-    window = sector_window(sector, reach, reach)
-    of_gauge = _sector_of(sector, gauges.position)
-    row, column, entry = [], [], []
-    for s in np.unique(of_gauge).tolist():
-        chosen = np.flatnonzero(of_gauge == s)
-        rolled = _rolled(gauges, chosen, sector.rotation(s))
-        turned = coo_array(gauge_rows(window, rolled) @ kron(eye_array(window.n_nodes), sector.rotation(s).T))
-        row.append(chosen[turned.row])
-        column.append((turned.col + (s - reach) * sector.n_dof) % (sector.n_sectors * sector.n_dof))
-        entry.append(turned.data)
-    index = (np.concatenate(row), np.concatenate(column))
-    shape = (len(gauges.name), sector.n_sectors * sector.n_dof)
-    return csr_array(coo_array((np.concatenate(entry), index), shape=shape))
+    of_window = gauge_rows(sector_window(sector, reach, reach), distinct)
+    return SectorRows(
+        sector=sector,
+        first=-reach,
+        pattern=csr_array(of_window @ _frames(sector, range(-reach, reach + 2))),
+        pattern_of_row=pattern_of_row,
+        shift_of_row=shift,
+    )
 
 
 def _sectors_along(sector: SweptSector, gauges: Gauges) -> int:
@@ -251,114 +287,6 @@ def _sectors_along(sector: SweptSector, gauges: Gauges) -> int:
     radius = np.hypot(gauges.position[:, 1], gauges.position[:, 2])
     arc = 2.0 * np.pi / sector.n_sectors * np.maximum(radius, 1e-300)
     return int(np.ceil(min(float((0.5 * gauges.length / arc).max(initial=0.0)), float(sector.n_sectors))))
-
-
-def _sector_of(sector: SweptSector, position: FloatArray) -> IntArray:
-    """Return (n,) the sector whose roll angles hold each position."""
-    turns = np.arctan2(position[:, 1], position[:, 2]) / (2.0 * np.pi) % 1.0
-    number: IntArray = np.floor(turns * sector.n_sectors + BOUNDARY).astype(np.int64) % sector.n_sectors
-    return number
-
-
-def _rolled(gauges: Gauges, chosen: IntArray, turn: FloatArray) -> Gauges:
-    """Return the chosen gauges in the axes of the sector whose frame ``turn`` (3, 3) turns into body axes."""
-    return replace(
-        gauges,
-        name=tuple(gauges.name[i] for i in chosen),
-        position=np.round(gauges.position[chosen] @ turn, DECIMALS),
-        direction=np.round(gauges.direction[chosen] @ turn, DECIMALS),
-        length=gauges.length[chosen],
-        surface=tuple(gauges.surface[i] for i in chosen),
-    )
-
-
-SAME_ENTRY = 1e-10
-"""Difference of two rows, over their largest entry, below which they count as one pattern."""
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class ShiftedRows:
-    """Distinct rows in sector frames, and where each given row is one of them.
-
-    Attributes
-    ----------
-    n_sectors, n_dof : of the structure, and of one sector.
-    pattern, sector, dof : (e,) entries: which pattern, sector and dof of the sector.
-    entry : (e,) values [1/m].
-    pattern_of_row, shift_of_row : (n_rows,) row g is pattern ``pattern_of_row[g]`` moved on by that many sectors.
-    """
-
-    n_sectors: int
-    n_dof: int
-    pattern: IntArray
-    sector: IntArray
-    dof: IntArray
-    entry: FloatArray
-    pattern_of_row: IntArray
-    shift_of_row: IntArray
-
-    @property
-    def n_patterns(self) -> int:
-        return int(self.pattern_of_row.max()) + 1
-
-    def harmonic(self, m: int) -> csc_array:
-        """Return (n_dof, n_patterns): the transposed patterns on harmonic ``m``, a Fourier sum over sectors."""
-        # Whole turns are taken off before the sine is, so that the phase is exact to round-off.
-        phase = np.exp(-2j * np.pi * (m * self.sector % self.n_sectors) / self.n_sectors)
-        return csc_array((self.entry * phase, (self.dof, self.pattern)), shape=(self.n_dof, self.n_patterns))
-
-
-def shifted_rows(sector: SweptSector, rows: csr_array) -> ShiftedRows:
-    """Turn rows (n_rows, n_dof of the structure) along body axes into sector frames, and find equal ones."""
-    parts = [_row_in_sector_frames(sector, csr_array(rows[[i]])) for i in range(rows.shape[0])]
-    distinct: list[int] = []
-    pattern_of_row = np.empty(len(parts), dtype=np.int64)
-    for i, (_, index, entry) in enumerate(parts):
-        equal = (n for n, k in enumerate(distinct) if _same(parts[k][1], parts[k][2], index, entry))
-        pattern_of_row[i] = next(equal, len(distinct))
-        if pattern_of_row[i] == len(distinct):
-            distinct.append(i)
-    index = np.concatenate([parts[k][1] for k in distinct])
-    return ShiftedRows(
-        n_sectors=sector.n_sectors,
-        n_dof=sector.n_dof,
-        pattern=np.repeat(np.arange(len(distinct)), [len(parts[k][1]) for k in distinct]),
-        sector=index // sector.n_dof,
-        dof=index % sector.n_dof,
-        entry=np.concatenate([parts[k][2] for k in distinct]),
-        pattern_of_row=pattern_of_row,
-        shift_of_row=np.array([first for first, _, _ in parts], dtype=np.int64),
-    )
-
-
-def _row_in_sector_frames(sector: SweptSector, row: csr_array) -> tuple[int, IntArray, FloatArray]:
-    """Return a row's first sector, its indices (sector after the first) * n_dof + dof, sorted, and its entries."""
-    node, slot = np.unique(row.indices // 3, return_inverse=True)
-    vector = np.zeros((len(node), 3))
-    np.add.at(vector, (slot, row.indices % 3), row.data)
-    of_node = node // sector.n_nodes
-    first = _first_sector(of_node, sector.n_sectors)
-    turns = {int(s): sector.rotation(int(s)) for s in np.unique(of_node)}
-    turned = np.array([turns[int(s)].T @ v for s, v in zip(of_node, vector, strict=True)]).reshape(-1, 3)
-    after_first = (of_node - first) % sector.n_sectors
-    start = after_first * sector.n_dof + 3 * (node % sector.n_nodes)
-    order = np.argsort(start)
-    return first, (start[order][:, None] + np.arange(3)).ravel(), turned[order].ravel()
-
-
-def _first_sector(sector: IntArray, n_sectors: int) -> int:
-    """Return the sector behind the widest gap round the axis."""
-    used = np.unique(sector)
-    if not len(used):
-        return 0
-    gap = np.diff(used, prepend=used[-1] - n_sectors)
-    return int(used[gap.argmax()])
-
-
-def _same(index: IntArray, entry: FloatArray, other_index: IntArray, entries: FloatArray) -> bool:
-    if not np.array_equal(index, other_index):
-        return False
-    return bool(np.abs(entry - entries).max(initial=0.0) <= SAME_ENTRY * np.abs(entry).max(initial=0.0))
 
 
 BLOCK = 64
@@ -389,7 +317,7 @@ class CyclicSolver:
         self._probe = probe_loads(problem.free)
 
     def strain_operator(
-        self, rows: csr_array, load: CircularOperator, progress: Progress | None = None
+        self, rows: SectorRows, load: CircularOperator, progress: Progress | None = None
     ) -> FloatArray:
         """Return Z = B A^-1 C by adjoint solves, without a field over the whole structure.
 
@@ -397,7 +325,7 @@ class CyclicSolver:
 
         Parameters
         ----------
-        rows : (n_d, n_dof) gauge rows B along body axes [1/m].
+        rows : n_d gauge rows B.
         load : C in sector frames, such as :func:`pressure_operator` gives.
         progress : called with (harmonics done, harmonics in all).
 
@@ -406,26 +334,21 @@ class CyclicSolver:
         (n_d, n_sectors * n_columns), sector by sector: strain per unit of the load's columns.
         """
         problem = self.problem
-        if not rows.shape[0] or rows.shape[1] != problem.n_dof or not np.isfinite(rows.data).all():
-            raise InputError(
-                f"gauge rows {rows.shape}: must be at least one row of {problem.n_dof} finite columns"
-            )
-        shifted = shifted_rows(problem.sector, rows)
         reduced = load.between(csr_array(problem.free.T), csr_array(eye_array(load.within.shape[1])))
-        shape = (n_harmonics(problem.n_sectors), load.within.shape[1], shifted.n_patterns)
+        shape = (n_harmonics(problem.n_sectors), load.within.shape[1], rows.n_patterns)
         spectrum = np.empty(shape, dtype=np.complex128)
 
         def solve_harmonic(m: int) -> None:
-            self._adjoint_harmonic(m, shifted, reduced, spectrum[m])
+            self._adjoint_harmonic(m, rows, reduced, spectrum[m])
 
         self._over_harmonics(solve_harmonic, progress)
         pattern = np.fft.irfft(spectrum, n=problem.n_sectors, axis=0)
-        operator = np.empty((len(shifted.pattern_of_row), pattern.shape[0] * pattern.shape[1]))
-        for row, (which, shift) in enumerate(zip(shifted.pattern_of_row, shifted.shift_of_row, strict=True)):
+        operator = np.empty((len(rows.pattern_of_row), pattern.shape[0] * pattern.shape[1]))
+        for row, (which, shift) in enumerate(zip(rows.pattern_of_row, rows.shift_of_row, strict=True)):
             operator[row] = np.roll(pattern[:, :, which], shift, axis=0).ravel()
         return operator
 
-    def _adjoint_harmonic(self, m: int, rows: ShiftedRows, load: CircularOperator, out: ComplexArray) -> None:
+    def _adjoint_harmonic(self, m: int, rows: SectorRows, load: CircularOperator, out: ComplexArray) -> None:
         onto_columns = csr_array(load.harmonic(m).conj().T)
         right = csc_array(self.problem.free.T @ rows.harmonic(m))
         solve = self._factored(m)

@@ -18,7 +18,7 @@ import numpy as np
 from builder.structure.fourier.meridian_mesh import MeridianMesh
 from builder.structure.gauge_placement import gauge_layout, layout_from_rows
 from builder.structure.solid.elements import CurvedFacets, FootPoint, foot_point
-from builder.structure.solid.gauge_rows import Gauges, gauges_at, joined_gauges
+from builder.structure.solid.gauge_rows import Gauges, gauges_at, gauges_of_layout
 from builder.structure.solid.nodal_loads import triangulated_surface
 from builder.structure.solid.solid_mesh import EXTERNAL, INTERNAL, SolidMesh
 from builder.vehicle.file import Vehicle
@@ -48,7 +48,9 @@ def solid_gauges(vehicle: Vehicle, layout: str, mesh: MeridianMesh) -> Gauges:
         return gauges_at(placed.position, placed.direction, placed.names, 1e-3 * (entry.length_mm or 0.0), surface)
     where, body = f"gauges.layouts.{layout}", vehicle.body()
     rows = enumerate(entry.rows, start=1)
-    return joined_gauges([_body_row(row, layout_from_rows([row], mesh, where, n), body) for n, row in rows], where)
+    return gauges_of_layout(
+        [_body_row(row, layout_from_rows([row], mesh, where, n), body) for n, row in rows], where
+    )
 
 
 def _body_row(row: GaugeRow, layout: GaugeLayout, body: BodyOfRevolution) -> Gauges:
@@ -212,7 +214,7 @@ def free_gauges(vehicle: Vehicle, layout: str, mesh: SolidMesh) -> Gauges:
             _mesh_row(row, surfaces[row.surface], where_row)
             for row, where_row in zip(entry.rows, wheres, strict=True)
         ]
-        return joined_gauges(parts, where)
+        return gauges_of_layout(parts, where)
     assert entry.file is not None
     surface = _surface_of(mesh, entry.surface or "inner", where)
     table = read_gauge_table(vehicle.beside(entry.file))

@@ -225,15 +225,30 @@ class Gauges:
             if not 0.0 <= self.length[i] < np.inf:
                 raise InputError(f"{self.name[i]}: gauge length {self.length[i]:g} m must be at least 0")
 
+    def some(self, chosen: IntArray) -> Gauges:
+        """Return the gauges of numbers ``chosen`` (k,)."""
+        return Gauges(
+            name=tuple(self.name[i] for i in chosen),
+            position=self.position[chosen],
+            direction=self.direction[chosen],
+            length=self.length[chosen],
+            surface=tuple(self.surface[i] for i in chosen),
+        )
 
-def joined_gauges(parts: list[Gauges], where: str) -> Gauges:
+
+def gauges_of_layout(parts: Sequence[Gauges], where: str) -> Gauges:
     """Return the gauges of ``parts`` as one layout; ``where`` is its entry in the vehicle file."""
-    name = tuple(gauge_name for part in parts for gauge_name in part.name)
-    for gauge_name in name:
-        if name.count(gauge_name) > 1:
-            raise InputError(f"{where}: expected each gauge name once, got '{gauge_name}' twice")
+    names = [name for part in parts for name in part.name]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f"{where}: expected each gauge name once, got '{name}' twice")
+    return joined_gauges(parts)
+
+
+def joined_gauges(parts: Sequence[Gauges]) -> Gauges:
+    """Return the gauges of ``parts``, one after another."""
     return Gauges(
-        name=name,
+        name=tuple(name for part in parts for name in part.name),
         position=np.concatenate([part.position for part in parts]),
         direction=np.concatenate([part.direction for part in parts]),
         length=np.concatenate([part.length for part in parts]),
@@ -288,7 +303,6 @@ def gauge_rows(
     mesh: SolidMesh,
     gauges: Gauges,
     near_surface: bool = False,
-    with_twins: bool = False,
     progress: Progress | None = None,
 ) -> csr_array:
     """Return B, the strain of each gauge per displacement.
@@ -299,7 +313,6 @@ def gauge_rows(
     gauges : the gauges.
     near_surface : gauges are moved onto the mesh however far it is from them, for meshes that only come near the
         true surface, as linear elements do.
-    with_twins : gauges may be at one position with the same direction, as candidates and those in use.
     progress : called with (done, in all).
 
     Returns
@@ -309,12 +322,11 @@ def gauge_rows(
     Raises
     ------
     InputError
-        A surface does not exist; the first gauge that is more than 0.5 mm off its surface or beyond its edge, or
-        whose direction has no length or leans out of the tangent plane by more than 5 degrees; or the first two
-        gauges at one position with the same direction.
+        A surface does not exist; or the first gauge that is more than 0.5 mm off its surface or beyond its edge,
+        or whose direction has no length or leans out of the tangent plane by more than 5 degrees.
     """
     patches = {name: _patches(mesh, name) for name in dict.fromkeys(gauges.surface)}
-    placed = _placed(mesh, gauges, patches, near_surface, with_twins)
+    placed = _placed(mesh, gauges, patches, near_surface)
     row, column, entry = [], [], []
     for i, gauge in enumerate(placed):
         surface = patches[gauges.surface[i]]
@@ -334,7 +346,6 @@ def _placed(
     gauges: Gauges,
     patches: Mapping[str, SurfacePatches],
     near_surface: bool = False,
-    with_twins: bool = False,
 ) -> list[PlacedGauge]:
     if not gauges.name:
         raise InputError("no gauges: at least one is needed")
@@ -351,8 +362,6 @@ def _placed(
                 f"at most {np.rad2deg(LARGEST_TILT):g} deg is allowed"
             )
         placed.append(PlacedGauge(foot, _in_plane(unit, foot.normal)))
-    if not with_twins:
-        _refuse_twins(gauges, placed)
     return placed
 
 
@@ -401,11 +410,12 @@ def _refuse_off_surface(mesh: SolidMesh, position: FloatArray, foot: FootPoint, 
     raise InputError(f"{name}: position is {place}, at most {1e3 * LARGEST_DISTANCE:g} mm is allowed")
 
 
-def _refuse_twins(gauges: Gauges, placed: list[PlacedGauge]) -> None:
-    point = np.array([gauge.foot.point for gauge in placed])
-    direction = np.array([gauge.direction for gauge in placed])
-    for i in range(1, len(placed)):
-        near = np.linalg.norm(point[:i] - point[i], axis=1) <= SAME_PLACE
+def refuse_twins(gauges: Gauges) -> None:
+    """Refuse the first two gauges of a layout at one position with the same direction."""
+    length = np.linalg.norm(gauges.direction, axis=1, keepdims=True)
+    direction = gauges.direction / np.where(length > 0.0, length, 1.0)
+    for i in range(1, len(direction)):
+        near = np.linalg.norm(gauges.position[:i] - gauges.position[i], axis=1) <= SAME_PLACE
         # Strain along a direction is that against it.
         turned = np.linalg.norm(np.cross(direction[:i], direction[i]), axis=1)
         for j in np.flatnonzero(near & (turned <= SAME_DIRECTION)):

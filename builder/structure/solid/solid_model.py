@@ -23,7 +23,6 @@ from builder.structure.solid.checks import (
     largest_amplitude,
     reference_pressures,
 )
-from builder.structure.solid.cyclic import layout_rows
 from builder.structure.solid.gauge_rows import gauge_fields
 from builder.structure.solid.linear_solvers import CYCLIC, named_back_end
 from builder.structure.solid.mesh_checks import (
@@ -34,7 +33,7 @@ from builder.structure.solid.mesh_checks import (
 )
 from builder.structure.solid.nodal_loads import loaded_surface
 from builder.structure.solid.solid_mesh import INTERNAL, SolidMesh
-from builder.structure.solid.strain_solution import solve_strain
+from builder.structure.solid.strain_solution import layout_rows, solve_strain
 from builder.structure.solid.swept_mesh import AnyMesh
 from builder.structure.structure_file import MeshCheck, Structure, save_structure, structure_to_reuse
 from builder.workspace import refuse_misfits

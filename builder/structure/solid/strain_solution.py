@@ -15,7 +15,15 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from builder.reporting import Progress
-from builder.structure.solid.cyclic import CyclicSolver, cyclic_problem, force_operator, pressure_operator
+from builder.structure.solid.cyclic import (
+    CyclicSolver,
+    SectorRows,
+    cyclic_problem,
+    force_operator,
+    pressure_operator,
+    sector_rows,
+)
+from builder.structure.solid.gauge_rows import Gauges, gauge_rows, joined_gauges, refuse_twins
 from builder.structure.solid.linear_solvers import CYCLIC, SparseSolver, choose_solver
 from builder.structure.solid.matter import FreeFlight, Matter, determinate_support, free_flight
 from builder.structure.solid.nodal_loads import loaded_surface, nodal_force_load, pressure_load
@@ -108,6 +116,22 @@ def displacement(
     return np.asarray(shaped[0] if pressure.ndim == 1 else shaped)
 
 
+GaugeRows = csr_array | SectorRows
+"""B, the strain of each gauge per displacement: (n_d, n_dof) [1/m], or by sectors."""
+
+
+def layout_rows(mesh: AnyMesh, layouts: Mapping[str, Gauges], near_surface: bool = False) -> GaugeRows:
+    """Return B of all layouts on a mesh, one after another; within a layout no gauge may occur twice.
+
+    ``near_surface``, of meshes that are not swept, and errors are as in
+    :func:`~builder.structure.solid.gauge_rows.gauge_rows`.
+    """
+    for gauges in layouts.values():
+        refuse_twins(gauges)
+    every = joined_gauges([*layouts.values()])
+    return sector_rows(mesh, every) if isinstance(mesh, SweptSector) else gauge_rows(mesh, every, near_surface)
+
+
 FIELDS_AT_ONCE = 4
 """Pressures that are solved for together; the residual of their sum is checked, which grows with their number."""
 
@@ -127,7 +151,7 @@ def solve_strain(
     mesh: AnyMesh,
     matter: Matter,
     support: Support | None,
-    rows: csr_array,
+    rows: GaugeRows,
     solver_name: str | None,
     progress: Progress | None = None,
     of_forces: bool = False,
@@ -142,7 +166,7 @@ def solve_strain(
     mesh : the mesh, a swept one as its sector.
     matter : its materials and masses; a swept mesh has one material.
     support : what holds the body; None in free flight.
-    rows : (n_d, n_dof) gauge rows of the full mesh [1/m].
+    rows : of n_d gauges, by sectors of a swept mesh.
     solver_name : name of a solver, or None for the best installed one.
     progress : called with (done, in all).
     of_forces : columns are forces along x, y, z at the external nodes, column = 3 * node + component [1/N].
@@ -151,13 +175,14 @@ def solve_strain(
         raise InputError(f"solver '{CYCLIC}': free flight is not the same in every sector, take another solver")
     if isinstance(mesh, SweptSector) and solver_name in (None, CYCLIC) and support is not None:
         cyclic = CyclicSolver(cyclic_problem(mesh, matter.materials((REGION,)), [support]))
+        assert isinstance(rows, SectorRows)
         in_sectors = (force_operator if of_forces else pressure_operator)(mesh, EXTERNAL)
         operator = cyclic.strain_operator(rows, in_sectors, progress)
         return _solution(_along_body_axes(mesh, operator) if of_forces else operator, cyclic)
     solver, flight = _held(mesh, matter, support, solver_name)
     load = nodal_force_load(mesh.full, EXTERNAL) if of_forces else _pressure_load(mesh)
-    operator = strain_operator(rows, solver, load, flight, progress)
-    return _solution(operator, solver)
+    full_rows = rows.along_body_axes() if isinstance(rows, SectorRows) else rows
+    return _solution(strain_operator(full_rows, solver, load, flight, progress), solver)
 
 
 def solve_fields(

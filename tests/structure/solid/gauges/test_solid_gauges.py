@@ -11,7 +11,7 @@ from solid_bodies import cube, swept_tube, tube
 
 from builder.structure.solid.checks import ring_mesh
 from builder.structure.solid.elements import CurvedFacets, foot_point
-from builder.structure.solid.gauge_rows import Gauges, gauge_rows, gauges_at
+from builder.structure.solid.gauge_rows import Gauges, gauge_rows, gauges_at, refuse_twins
 from builder.structure.solid.solid_mesh import EXTERNAL, INTERNAL, SolidMesh
 from builder.structure.solid.swept_mesh import full_mesh
 from strainfmu.errors import InputError
@@ -245,6 +245,6 @@ def test_gauge_that_misses_by_little_is_moved(mesh: SolidMesh) -> None:
 def test_twins_and_nothing_are_refused(mesh: SolidMesh) -> None:
     twice = gauges_at(np.array([POINT, POINT]), np.array([[1.0, 0.0, 0.0], [-2.0, 0.0, 0.0]]), ["a", "b"])
     with pytest.raises(InputError, match="b: same position and direction as a"):
-        gauge_rows(mesh, twice)
+        refuse_twins(twice)
     with pytest.raises(InputError, match="no gauges: at least one is needed"):
         gauge_rows(mesh, gauges_at(np.zeros((0, 3)), np.zeros((0, 3))))

@@ -16,18 +16,18 @@ from builder.structure.gauge_placement import gauge_mesh
 from builder.structure.solid.cyclic import (
     CyclicProblem,
     CyclicSolver,
-    cyclic_gauge_rows,
     cyclic_problem,
     pressure_operator,
+    rows_in_sectors,
+    sector_rows,
     sector_stiffness,
-    shifted_rows,
 )
 from builder.structure.solid.elements import element_faces
 from builder.structure.solid.gauge_layouts import solid_gauges
 from builder.structure.solid.gauge_rows import Gauges, gauge_rows, gauges_at
 from builder.structure.solid.linear_solvers import choose_solver
 from builder.structure.solid.nodal_loads import pressure_load
-from builder.structure.solid.solid_mesh import EXTERNAL, INTERNAL, SUPPORT, SolidMesh
+from builder.structure.solid.solid_mesh import EXTERNAL, INTERNAL, SUPPORT
 from builder.structure.solid.sparse_problem import SolverError
 from builder.structure.solid.strain_solution import held_problem, strain_operator
 from builder.structure.solid.supports import Clamped, Foundation, Support
@@ -66,7 +66,8 @@ def full_strain_operator(
 
 def cyclic_strain_operator(sector: SweptSector, rows: csr_array, supports: Sequence[Support]) -> FloatArray:
     problem = cyclic_problem(sector, MATERIALS, supports)
-    return CyclicSolver(problem).strain_operator(rows, pressure_operator(sector, EXTERNAL))
+    load = pressure_operator(sector, EXTERNAL)
+    return CyclicSolver(problem).strain_operator(rows_in_sectors(sector, rows), load)
 
 
 def largest_difference(found: FloatArray, reference: FloatArray) -> float:
@@ -105,13 +106,14 @@ def test_vehicle_agrees_with_superlu_on_the_full_mesh() -> None:
     vehicle = load_vehicle(IC3X)
     sector = sector_of_size(vehicle, 20_000)
     materials = {REGION: wall_of(vehicle).material}
-    rows = cyclic_gauge_rows(sector, solid_gauges(vehicle, vehicle.gauges.layout, gauge_mesh(vehicle)))
+    rows = sector_rows(sector, solid_gauges(vehicle, vehicle.gauges.layout, gauge_mesh(vehicle)))
     problem = cyclic_problem(sector, materials, CLAMPED)
     solver = CyclicSolver(problem)
     found = solver.strain_operator(rows, pressure_operator(sector, EXTERNAL))
     mesh = full_mesh(sector)
     direct = choose_solver(held_problem(mesh, materials, CLAMPED), "superlu")
-    assert largest_difference(found, strain_operator(rows, direct, pressure_load(mesh, EXTERNAL))) < 1e-8
+    on_mesh = strain_operator(rows.along_body_axes(), direct, pressure_load(mesh, EXTERNAL))
+    assert largest_difference(found, on_mesh) < 1e-8
     assert solver.relative_residual < 1e-8
 
 
@@ -161,7 +163,7 @@ def test_four_equal_windows_in_a_tube() -> None:
 def test_threads_do_not_change_the_result() -> None:
     sector = tube(0.2, RADIUS, 0.13, 0.05, 12)
     problem = cyclic_problem(sector, MATERIALS, CLAMPED)
-    rows = gauge_rows(full_mesh(sector), gauges_round([5.0]))
+    rows = sector_rows(sector, gauges_round([5.0]))
     load = pressure_operator(sector, EXTERNAL)
     one, two = (CyclicSolver(problem, threads).strain_operator(rows, load) for threads in (1, 2))
     np.testing.assert_array_equal(one, two)
@@ -170,7 +172,7 @@ def test_threads_do_not_change_the_result() -> None:
 def test_progress_counts_harmonics() -> None:
     sector = tube(0.1, RADIUS, 0.13, 0.05, 7)
     problem = cyclic_problem(sector, MATERIALS, CLAMPED)
-    rows = gauge_rows(full_mesh(sector), gauges_round([5.0]))
+    rows = sector_rows(sector, gauges_round([5.0]))
     seen: list[tuple[int, int]] = []
     CyclicSolver(problem).strain_operator(
         rows, pressure_operator(sector, EXTERNAL), lambda done, n: seen.append((done, n))
@@ -179,35 +181,25 @@ def test_progress_counts_harmonics() -> None:
 
 
 def test_gauges_a_quarter_turn_apart_are_one_pattern() -> None:
-    """Four roll angles, two directions: two distinct rows; shifted back, they are the rows given."""
-    sector = tube(0.2, RADIUS, 0.13, 0.05, 16)
-    gauges = gauges_round([0.0, 90.0, 180.0, 270.0])
-    rows = cyclic_gauge_rows(sector, gauges)
-    shifted = shifted_rows(sector, rows)
-    assert shifted.n_patterns == 2
-    turns = np.stack([sector.rotation(s) for s in range(sector.n_sectors)])
-    parts = rows.toarray().reshape(len(gauges.name), sector.n_sectors, -1, 3)
-    frames = np.einsum("sij,gsni->gsnj", turns, parts).reshape(len(gauges.name), sector.n_sectors, -1)
-    for row, (pattern, shift) in enumerate(zip(shifted.pattern_of_row, shifted.shift_of_row, strict=True)):
-        mine = shifted.pattern == pattern
-        rebuilt = np.zeros((sector.n_sectors, sector.n_dof))
-        rebuilt[(shifted.sector[mine] + shift) % sector.n_sectors, shifted.dof[mine]] = shifted.entry[mine]
-        np.testing.assert_allclose(rebuilt, frames[row], rtol=0.0, atol=1e-9 * np.abs(frames).max())
+    """Four roll angles, two directions: two distinct rows."""
+    rows = sector_rows(tube(0.2, RADIUS, 0.13, 0.05, 16), gauges_round([0.0, 90.0, 180.0, 270.0]))
+    assert rows.n_patterns == 2
+    assert rows.shift_of_row.tolist() == [0, 4, 8, 12] * 2
 
 
 @pytest.mark.parametrize("length", [0.0, 0.03])
 def test_gauge_rows_of_a_window_are_those_of_the_full_mesh(length: float) -> None:
     """Inside sectors, hoop gauges as long as one too; places are rounded to 1e-12 m over elements of 1e-2 m."""
     sector = tube(0.2, RADIUS, 0.13, 0.05, 24)
-    gauges = gauges_round([6.0, 97.0, 261.5, 355.0], length=length)
-    whole, window = gauge_rows(full_mesh(sector), gauges), cyclic_gauge_rows(sector, gauges)
+    gauges = gauges_round([0.0, 6.0, 97.0, 105.0, 261.5, 355.0], length=length)
+    whole, window = gauge_rows(full_mesh(sector), gauges), sector_rows(sector, gauges).along_body_axes()
     assert np.abs((whole - window).data).max() < 1e-9 * np.abs(whole.data).max()
 
 
 def test_gauge_off_the_surface_is_refused() -> None:
     gauges = gauges_round([6.0])
     with pytest.raises(InputError, match="off surface 'internal'"):
-        cyclic_gauge_rows(tube(0.2, RADIUS, 0.13, 0.05, 24), replace(gauges, position=0.99 * gauges.position))
+        sector_rows(tube(0.2, RADIUS, 0.13, 0.05, 24), replace(gauges, position=0.99 * gauges.position))
 
 
 def test_unsupported_structure_is_refused() -> None:
@@ -230,19 +222,17 @@ def free_problem(shift: float = 0.0) -> CyclicProblem:
 @pytest.mark.parametrize("shift", [0.0, -1e-6, -1e-2])
 def test_free_and_indefinite_structures_are_refused(shift: float) -> None:
     problem = free_problem(shift)
-    rows = gauge_rows(full_mesh(problem.sector), gauges_round([5.0]))
+    rows = sector_rows(problem.sector, gauges_round([5.0]))
     with pytest.raises(SolverError, match=r"cyclic, harmonic \d+"):
         CyclicSolver(problem).strain_operator(rows, pressure_operator(problem.sector, EXTERNAL))
 
 
 def test_wrong_rows_are_refused() -> None:
-    problem = cyclic_problem(tube(0.1, RADIUS, 0.13, 0.05, 6), MATERIALS, CLAMPED)
-    mesh: SolidMesh = full_mesh(problem.sector)
-    rows = gauge_rows(mesh, gauges_round([5.0]))
-    load = pressure_operator(problem.sector, EXTERNAL)
+    sector = tube(0.1, RADIUS, 0.13, 0.05, 6)
+    rows = gauge_rows(full_mesh(sector), gauges_round([5.0]))
     for wrong in (rows[:, :-3], rows * np.nan, rows[:0]):
         with pytest.raises(InputError, match="finite columns"):
-            CyclicSolver(problem).strain_operator(wrong, load)
+            rows_in_sectors(sector, wrong)
 
 
 @pytest.mark.slow
