@@ -116,11 +116,9 @@ def displacement(
     return np.asarray(shaped[0] if pressure.ndim == 1 else shaped)
 
 
-GaugeRows = csr_array | SectorRows
-"""B, the strain of each gauge per displacement: (n_d, n_dof) [1/m], or by sectors."""
-
-
-def layout_rows(mesh: AnyMesh, layouts: Mapping[str, Gauges], near_surface: bool = False) -> GaugeRows:
+def layout_rows(
+    mesh: AnyMesh, layouts: Mapping[str, Gauges], near_surface: bool = False
+) -> csr_array | SectorRows:
     """Return B of all layouts on a mesh, one after another; within a layout no gauge may occur twice.
 
     ``near_surface``, of meshes that are not swept, and errors are as in
@@ -151,7 +149,7 @@ def solve_strain(
     mesh: AnyMesh,
     matter: Matter,
     support: Support | None,
-    rows: GaugeRows,
+    rows: csr_array | SectorRows,
     solver_name: str | None,
     progress: Progress | None = None,
     of_forces: bool = False,
