@@ -469,7 +469,7 @@ class Scenario:
             )
 
     def judge_degraded(self, result: Result, number: int) -> None:
-        """Look up when the readings that are used were sampled, the newest time that has all of them."""
+        """Judge the age by the newest and the oldest time at which all readings that are used were sampled."""
         used = result.valid
         codes = np.round(result.strain[used] / 0.25e-6).astype(np.int64)
         allowed = sum(act.kind in ("stuck gauge", "zero gauge") for act in self.acts)
@@ -478,9 +478,16 @@ class Scenario:
             for payload, time in self.sampled.items()
             if int((np.frombuffer(payload, dtype=np.int64)[used] != codes).sum()) <= allowed
         ]
-        if times and result.time - max(times) > self.max_age + JITTER:
-            age = 1e3 * (result.time - max(times))
-            self.found.beyond.append(f"cycle {number}: DEGRADED, true {age:.2f} ms")
+        if not times:
+            return
+        least, most = result.time - max(times), result.time - min(times)
+        stated = f"stated {1e3 * result.age:.2f} +- {1e3 * result.age_uncertainty:.2f} ms"
+        if least > self.max_age + JITTER:
+            self.found.beyond.append(f"cycle {number}: DEGRADED, true {1e3 * least:.2f} ms")
+        if least > result.age + result.age_uncertainty + JITTER:
+            self.found.too_old.append(f"cycle {number}: DEGRADED, true {1e3 * least:.2f}, {stated}")
+        if most < result.age - result.age_uncertainty - JITTER:
+            self.found.too_young.append(f"cycle {number}: DEGRADED, true {1e3 * most:.2f}, {stated}")
 
     def nearly(self, codes: np.ndarray) -> float | None:
         """Return the time of a cycle but for gauges that are at fault and need not be found yet."""

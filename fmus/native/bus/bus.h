@@ -185,8 +185,8 @@ typedef struct {
 /* Bounds of the sender's clock, clock.c. */
 typedef struct {
     int32_t is_set, has_lower, n_odd, n_returned;
-    int32_t is_assumed, padding;                  /* the lower bound is: no result that was heard shows it */
-    int64_t ticks;                                /* of the last reading that counts */
+    int32_t is_assumed, counter;                  /* the lower bound is: no result that was heard shows it */
+    int64_t ticks;                                /* and counter, of the last reading that counts */
     double source, at, upper, lower, doubt; /* [s] */
 } SbClock;
 

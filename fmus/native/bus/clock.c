@@ -21,7 +21,7 @@
    A sender that names results needs no other proof: a recording names old ones. The lower bound of a sender that names none
    is an assumption: the path was empty when its clock was first read, or when somebody confirmed it. Then theta = upper, and
    the bound only widens. A time that goes on nowhere, three cycles in a row, is a restart: unproven until somebody confirms
-   it, or the sender of before is back. */
+   it, or the sender of before is back: its clock explains what comes, as far as its counter does, too. */
 
 #include <math.h>
 
@@ -46,29 +46,35 @@ static double time_ahead(const SbPlan *p, int64_t ticks, int64_t than, double ti
     return ahead + range * (double)whole_number((passed - ahead) / range);
 }
 
+/* The time of a cycle: the sender's sample time and counter, -1 for none; the unit of the former; ours, and when it is used. */
+typedef struct {
+    int64_t ticks;
+    int counter;
+    double tick, local, now; /* [s] */
+} Sample;
+
 /* --- the step from the cycle before ----------------------------------------------------------------------------------- */
 
 typedef struct {
     double time, off, unseen; /* by the sender's clock; by what it is longer than by its counter, and than one cycle [s] */
+    double passed;            /* by ours [s] */
     int steps, goes_on;
 } Step;
 
-/* The step of a cycle. A counter that has gone round has its rounds from the time. */
-static Step step_of(const SbPlan *p, const SbState *s, int64_t ticks, int counter, double tick) {
-    Step step = {0.0, 0.0, 0.0, 0, 1};
-    if (!s->has_seen) {
-        return step;
-    }
-    step.time = time_ahead(p, ticks, s->seen_ticks, tick, s->first - s->seen_at);
-    if (p->modulus && counter >= 0 && s->seen_counter >= 0) {
-        step.steps = (counter - s->seen_counter + p->modulus) % p->modulus;
+/* The step to a cycle from one of sample time `ticks` and a counter, which was read at our time `at`. A counter that has gone
+   round has its rounds from the time. */
+static Step step_from(const SbPlan *p, int64_t ticks, int counter, double at, const Sample *to) {
+    const double passed = to->local - at;
+    Step step = {.time = time_ahead(p, to->ticks, ticks, to->tick, passed), .passed = passed};
+    if (p->modulus && to->counter >= 0 && counter >= 0) {
+        step.steps = (to->counter - counter + p->modulus) % p->modulus;
         const double rounds = (step.time / p->cycle - step.steps) / p->modulus;
         step.steps += rounds > 0.5 && rounds < 1e6 ? p->modulus * (int)(rounds + 0.5) : 0;
         step.off = step.time - step.steps * p->cycle;
     } else { /* our own clock counts */
-        const double cycles = (s->first - s->seen_at) / p->cycle;
+        const double cycles = passed / p->cycle;
         step.steps = cycles > 0.0 && cycles < 1e9 ? (int)(cycles + 0.5) : 0;
-        step.off = step.time > s->first - s->seen_at + p->cycle ? step.time - (s->first - s->seen_at) : 0.0;
+        step.off = step.time > passed + p->cycle ? step.time - passed : 0.0;
     }
     step.goes_on = step.time > 0.0 && fabs(step.off) < p->cycle;
     step.unseen = (step.off > 0.0 ? step.off : 0.0) + (step.steps > 1 ? (step.steps - 1) * p->cycle : 0.0);
@@ -76,20 +82,21 @@ static Step step_of(const SbPlan *p, const SbState *s, int64_t ticks, int counte
 }
 
 /* The bounds at the reading of a clock, widened since the last one. */
-static SbClock widened(const SbPlan *p, const SbClock *clock, int64_t ticks, double tick, double local) {
+static SbClock widened(const SbPlan *p, const SbClock *clock, const Sample *at) {
     SbClock k = *clock;
-    const double passed = local > k.at ? local - k.at : 0.0;
-    k.source += time_ahead(p, ticks, k.ticks, tick, local - k.at);
+    const double passed = at->local > k.at ? at->local - k.at : 0.0;
+    k.source += time_ahead(p, at->ticks, k.ticks, at->tick, at->local - k.at);
     k.upper += p->tolerance * passed;
     k.lower -= p->tolerance * passed;
-    k.ticks = ticks;
-    k.at = local;
+    k.ticks = at->ticks;
+    k.counter = at->counter;
+    k.at = at->local;
     return k;
 }
 
-static void anchor(SbClock *k, int64_t ticks, double local) {
-    *k = (SbClock){.is_set = 1, .has_lower = 1, .is_assumed = 1, .ticks = ticks, .at = local, .upper = local,
-                   .lower = local};
+static void anchor(SbClock *k, const Sample *at) {
+    *k = (SbClock){.is_set = 1, .has_lower = 1, .is_assumed = 1, .ticks = at->ticks, .counter = at->counter,
+                   .at = at->local, .upper = at->local, .lower = at->local};
 }
 
 /* Age and uncertainty of a result, and causes: certainly too old, or not known well enough. */
@@ -103,16 +110,16 @@ static uint32_t state_age(const SbPlan *p, SbResult *r, const SbClock *k, double
 }
 
 /* Whether a clock explains a reading; `k` is then the clock behind it. */
-static int fits(const SbPlan *p, const SbClock *clock, SbClock *k, int64_t ticks, double tick, double local, double now) {
-    *k = widened(p, clock, ticks, tick, local);
-    const double arrived = local - k->source;
+static int fits(const SbPlan *p, const SbClock *clock, SbClock *k, const Sample *at) {
+    *k = widened(p, clock, at);
+    const double arrived = at->local - k->source;
     const int is_ahead = arrived < k->lower - k->doubt - p->cycle;
     k->upper = arrived < k->upper ? arrived : k->upper;
     k->lower = k->lower > k->upper ? k->upper : k->lower;
     if (p->accepts && k->lower < k->upper - p->tolerance * SETTLE) {
         k->lower = k->upper - p->tolerance * SETTLE;
     }
-    return !is_ahead && now - k->source - k->upper <= p->max_age;
+    return !is_ahead && at->now - k->source - k->upper <= p->max_age;
 }
 
 /* From now on nothing proves that the sender is no recording, or not late, unless restarts need no proof. */
@@ -124,17 +131,40 @@ static void begin_unproven(const SbPlan *p, SbState *s) {
     }
 }
 
+/* The largest difference of a step by its time and by its counter that says nothing: they usually differ, and many in a row
+   change what is usual little. */
+static double usual_difference(const SbPlan *p, const SbState *s, double tick) {
+    const double most = 0.25 * p->cycle, usual = 5.0 * s->usual_off + 2.5 * tick;
+    return usual < most ? usual : most;
+}
+
+/* By how much the clock was set in a step, or a sample was late: more than is usual. A counter that ran ahead of both clocks
+   says that one cycle has passed at least. */
+static double time_set(const SbPlan *p, const Step *step, double usual) {
+    const int ran_ahead = step->off < -0.75 * p->cycle && fabs(step->time - step->passed) < 0.25 * p->cycle;
+    const double set = ran_ahead ? step->time - p->cycle : step->off;
+    return step->time > 0.0 && fabs(set) > usual ? set : 0.0;
+}
+
+/* A clock that was set ahead may hide as much delay; one that was set back was ahead by less than it seemed. */
+static void add_time_set(SbClock *k, double set) {
+    k->doubt = k->doubt + set > 0.0 ? k->doubt + set : 0.0;
+    k->upper -= set < 0.0 ? set : 0.0;
+}
+
 /* The sender of before is back if its clock explains three cycles in a row, of which the first went on nowhere; `is_odd`: it
-   may go on with what came between, which it is ahead of, as the end of a recording leads to the present. */
-static void look_for_proven(const SbPlan *p, SbState *s, int64_t ticks, double tick, const Step *step, int is_odd,
-                            double now) {
+   may go on with what came between, which it is ahead of, as the end of a recording leads to the present. Meanwhile nobody
+   heard whether its clock was set: its counter shows it. */
+static void look_for_proven(const SbPlan *p, SbState *s, const Sample *at, const Step *step, int is_odd) {
     SbClock k;
     if (!s->is_unproven || !s->has_proven) {
         return;
     }
-    const int is_explained = fits(p, &s->proven, &k, ticks, tick, s->first, now);
+    const int is_explained = fits(p, &s->proven, &k, at);
     k.n_returned = is_explained && (s->proven.n_returned || !step->goes_on || is_odd) ? s->proven.n_returned + 1 : 0;
     if (is_explained) {
+        const Step meanwhile = step_from(p, s->proven.ticks, s->proven.counter, s->proven.at, at);
+        add_time_set(&k, time_set(p, &meanwhile, usual_difference(p, s, at->tick)));
         s->proven = k;
     } else {
         s->proven.n_returned = 0;
@@ -148,18 +178,17 @@ static void look_for_proven(const SbPlan *p, SbState *s, int64_t ticks, double t
 
 /* --- a sender that names the results it has heard ------------------------------------------------------------------------ */
 
-static uint32_t date_by_echo(const SbPlan *p, SbState *s, int64_t ticks, double tick, const Step *step, const Echo *echo,
-                             double now) {
-    const double local = s->first;
+static uint32_t date_by_echo(const SbPlan *p, SbState *s, const Sample *at, const Step *step, const Echo *echo) {
     const int has_begun = s->clock.is_set && step->goes_on;
     uint32_t causes = s->clock.is_set && !step->goes_on ? SB_JUMP : 0;
-    SbClock k = {.is_set = 1, .ticks = ticks, .at = local, .upper = INFINITY, .lower = -INFINITY};
+    SbClock k = {.is_set = 1, .ticks = at->ticks, .counter = at->counter, .at = at->local, .upper = INFINITY,
+                 .lower = -INFINITY};
     if (has_begun) {
-        k = widened(p, &s->clock, ticks, tick, local);
+        k = widened(p, &s->clock, at);
         k.lower -= step->unseen;
         k.upper -= step->off < 0.0 ? step->off : 0.0;
     }
-    const double arrived = local - k.source;
+    const double arrived = at->local - k.source;
     k.upper = arrived < k.upper ? arrived : k.upper;
     if (echo->is_known) {
         k.doubt = k.is_assumed ? 0.0 : k.doubt;
@@ -181,42 +210,31 @@ static uint32_t date_by_echo(const SbPlan *p, SbState *s, int64_t ticks, double 
     k.lower = k.lower > k.upper ? k.upper : k.lower;
     s->clock = k;
     s->is_confirmed = 0;
-    return causes | state_age(p, &s->result, &k, now);
+    return causes | state_age(p, &s->result, &k, at->now);
 }
 
 /* --- other senders ---------------------------------------------------------------------------------------------------------- */
 
-/* By how much the clock was set, or a sample was late: more than its times usually are off by the counter, which many in a
-   row change little. A counter that ran ahead of both clocks says that one cycle has passed at least. */
-static double time_set(const SbPlan *p, SbState *s, const Step *step, double tick) {
-    const double off = fabs(step->off), most = 0.25 * p->cycle, usual = 5.0 * s->usual_off + 2.5 * tick;
-    const double limit = usual < most ? usual : most;
-    if (!s->has_seen || !(step->time > 0.0)) {
-        return 0.0;
-    }
-    s->usual_off += off > limit ? (limit - s->usual_off) / 64.0 : (off - s->usual_off) / 16.0;
-    const int ran_ahead = step->off < -0.75 * p->cycle && fabs(step->time - (s->first - s->seen_at)) < 0.25 * p->cycle;
-    const double set = ran_ahead ? step->time - p->cycle : step->off;
-    return fabs(set) > limit ? set : 0.0;
-}
-
-static uint32_t date_by_anchor(const SbPlan *p, SbState *s, int64_t ticks, double tick, const Step *step, double now) {
+static uint32_t date_by_anchor(const SbPlan *p, SbState *s, const Sample *at, const Step *step) {
     SbClock k;
     s->is_confirmed = 0;
     if (!s->clock.is_set) {
-        anchor(&s->clock, ticks, s->first);
+        anchor(&s->clock, at);
     }
-    const double set = time_set(p, s, step, tick);
-    const int is_explained = fits(p, &s->clock, &k, ticks, tick, s->first, now);
-    const int is_late = now - k.source - k.upper > p->max_age;
-    look_for_proven(p, s, ticks, tick, step, !is_explained && !is_late, now);
-    if (is_explained || fits(p, &s->clock, &k, ticks, tick, s->first, now)) {
-        k.doubt = k.doubt + set > 0.0 ? k.doubt + set : 0.0;
-        k.upper -= set < 0.0 ? set : 0.0;
+    const double usual = usual_difference(p, s, at->tick), off = fabs(step->off);
+    const double set = s->has_seen ? time_set(p, step, usual) : 0.0;
+    if (s->has_seen && step->time > 0.0) {
+        s->usual_off += off > usual ? (usual - s->usual_off) / 64.0 : (off - s->usual_off) / 16.0;
+    }
+    const int is_explained = fits(p, &s->clock, &k, at);
+    const int is_late = at->now - k.source - k.upper > p->max_age;
+    look_for_proven(p, s, at, step, !is_explained && !is_late);
+    if (is_explained || fits(p, &s->clock, &k, at)) {
+        add_time_set(&k, set);
         k.n_odd = 0;
         s->clock = k;
         s->n_late = 0;
-        return state_age(p, &s->result, &k, now);
+        return state_age(p, &s->result, &k, at->now);
     }
     SbClock *c = &s->clock;
     c->doubt += set > 0.0 ? set : 0.0; /* while cycles are too late */
@@ -224,12 +242,12 @@ static uint32_t date_by_anchor(const SbPlan *p, SbState *s, int64_t ticks, doubl
     s->n_late++;
     if (c->n_odd >= p->late_limit) {
         begin_unproven(p, s);
-        anchor(&s->clock, ticks, s->first);
+        anchor(&s->clock, at);
         s->n_late = 0;
-        state_age(p, &s->result, &s->clock, now);
+        state_age(p, &s->result, &s->clock, at->now);
         return SB_JUMP | SB_OLD;
     }
-    s->result.age = is_late ? now - k.source - k.upper : NAN;
+    s->result.age = is_late ? at->now - k.source - k.upper : NAN;
     s->result.uncertainty = NAN;
     return SB_OLD | (step->goes_on ? 0 : SB_JUMP);
 }
@@ -237,12 +255,12 @@ static uint32_t date_by_anchor(const SbPlan *p, SbState *s, int64_t ticks, doubl
 /* --- all --------------------------------------------------------------------------------------------------------------------- */
 
 /* Synchronised clocks: the whole delay is age, and a recording is as old as it is. */
-static uint32_t date_by_system_time(const SbPlan *p, SbState *s, int64_t ticks, double tick, double now) {
-    const double range = tick * (p->bits < 64 ? (double)(UINT64_C(1) << p->bits) : 0x1p64);
-    const double behind = remainder_of(s->first + p->shift - tick * (double)ticks, range);
+static uint32_t date_by_system_time(const SbPlan *p, SbState *s, const Sample *at) {
+    const double range = at->tick * (p->bits < 64 ? (double)(UINT64_C(1) << p->bits) : 0x1p64);
+    const double behind = remainder_of(at->local + p->shift - at->tick * (double)at->ticks, range);
     const double delay = behind >= 0.5 * range ? behind - range : behind;
     s->is_confirmed = 0;
-    s->result.age = delay + (now - s->first);
+    s->result.age = delay + (at->now - at->local);
     s->result.uncertainty = p->synchronised;
     if (delay < -p->synchronised - 1e-3) {
         return SB_OLD | SB_JUMP;
@@ -251,7 +269,8 @@ static uint32_t date_by_system_time(const SbPlan *p, SbState *s, int64_t ticks, 
 }
 
 uint32_t clock_date(const SbPlan *p, SbState *s, int64_t ticks, int counter, double tick, const Echo *echo, double now) {
-    const Step step = step_of(p, s, ticks, counter, tick);
+    const Sample at = {ticks, counter, tick, s->first, now};
+    const Step none = {.goes_on = 1}, step = s->has_seen ? step_from(p, s->seen_ticks, s->seen_counter, s->seen_at, &at) : none;
     const int has_state = p->state >= 0 && slots_of(s)[p->state].here;
     if (p->is_answered && s->expects_state && !has_state && !step.goes_on) {
         s->result.age = s->result.uncertainty = NAN;
@@ -260,11 +279,11 @@ uint32_t clock_date(const SbPlan *p, SbState *s, int64_t ticks, int counter, dou
     s->unseen += s->has_seen && step.goes_on ? step.unseen : LONGEST_DELAY;
     uint32_t causes;
     if (p->synchronised >= 0.0) {
-        causes = date_by_system_time(p, s, ticks, tick, now);
+        causes = date_by_system_time(p, s, &at);
     } else if (p->is_answered && s->expects_state && (echo->is_named || !p->accepts)) {
-        causes = date_by_echo(p, s, ticks, tick, &step, echo, now);
+        causes = date_by_echo(p, s, &at, &step, echo);
     } else {
-        causes = date_by_anchor(p, s, ticks, tick, &step, now);
+        causes = date_by_anchor(p, s, &at, &step);
     }
     s->step_time = step.time;
     s->goes_on = s->has_seen && step.goes_on;
