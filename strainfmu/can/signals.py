@@ -16,10 +16,7 @@ from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.can.frame_layout import FLOAT, LITTLE, SIGNED, UNSIGNED, FrameLayout, SignalLayout
 from strainfmu.cosim.estimators.exchange import ESTIMATOR, EXCHANGE
 from strainfmu.errors import InputError
-from strainfmu.estimator.core import NoCoreError, library
-
-VERSION = 8
-"""``SB_VERSION`` of the library that this file calls."""
+from strainfmu.estimator.core import library
 
 
 def _record(*fields: tuple[Any, str]) -> np.dtype[Any]:
@@ -106,14 +103,9 @@ def functions() -> ctypes.PyDLL:
     Raises
     ------
     NoCoreError
-        There is no library for this machine and no compiler to make one, or it is of another version.
+        There is no library for this machine and no compiler to make one.
     """
     core = library()
-    version = core.sb_version() if hasattr(core, "sb_version") else 0
-    if version != VERSION:
-        raise NoCoreError(
-            f"the bridge's compiled part has version {version}, must be {VERSION}: install the whole package again"
-        )
     native = ctypes.PyDLL(core._name, handle=core._handle)
     native.sb_size.restype = ctypes.c_int64
     _check_sizes(native)

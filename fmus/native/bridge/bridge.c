@@ -7,7 +7,7 @@
 #include "../bus/rounding.h"
 #include "bridge.h"
 
-enum { LONGEST_STEP = 100, NO_COEFFICIENTS = 2, CHI_SQUARE = N_REAL_LOADS };
+enum { LONGEST_STEP = 100, CHI_SQUARE = N_REAL_LOADS };
 
 static const double LARGEST_UNCERTAINTY = 6553.4, LARGEST_SCORE = 25.4;
 
@@ -24,8 +24,7 @@ void sb_sizes(int64_t size[14]) {
 
 /* --- frames in ------------------------------------------------------------------------------------------------------- */
 
-void sb_log(SbQueue *queue, const SbLogged *frame, const uint8_t *data) {
-    SbQueue *q = queue;
+void sb_log(SbQueue *q, const SbLogged *frame, const uint8_t *data) {
     if (q->put - q->taken >= q->room) {
         q->lost++;
         return;
@@ -47,8 +46,7 @@ static int32_t place_of(const SbBridge *b, uint32_t key) {
     return k;
 }
 
-int sb_hear(SbBridge *bridge, const uint8_t *data) {
-    const SbBridge *b = bridge;
+int sb_hear(SbBridge *b, const uint8_t *data) {
     const SbLogged *h = b->heard;
     const int32_t k = place_of(b, h->key);
     if (k < 0 || b->slot[k] < 0 || h->flags & (SB_IS_ERROR | SB_IS_REMOTE)) {
@@ -63,8 +61,7 @@ int sb_hear(SbBridge *bridge, const uint8_t *data) {
     return event;
 }
 
-int sb_refuse(SbBridge *bridge, const uint8_t *data) {
-    const SbBridge *b = bridge;
+int sb_refuse(SbBridge *b, const uint8_t *data) {
     const SbLogged *h = b->heard;
     const int32_t k = place_of(b, h->key), of_other_width = place_of(b, h->key ^ EXTENDED_FLAG);
     const int kind = h->flags & SB_IS_ERROR                              ? SB_ERROR_FRAME
@@ -119,8 +116,7 @@ static int exchange_all(SbEstimator *e, int is_output) {
     return 0;
 }
 
-int sb_step(SbEstimator *estimator, const double *size) {
-    SbEstimator *e = estimator;
+int sb_step(SbEstimator *e, const double *size) {
     const double begin = e->time;
     for (int32_t k = 0; k < e->n_angles; k++) {
         double *std = &e->input[e->angle[k]];
@@ -135,8 +131,7 @@ int sb_step(SbEstimator *estimator, const double *size) {
     return failed ? failed : exchange_all(e, 1);
 }
 
-int sb_estimate(SbBridge *bridge) {
-    SbBridge *b = bridge;
+int sb_estimate(SbBridge *b) {
     const SbPlan *p = b->plan;
     const SbState *s = b->state;
     const SbResult *r = &s->result;
@@ -168,14 +163,13 @@ int sb_estimate(SbBridge *bridge) {
     return failed;
 }
 
-int sb_conclude(SbBridge *bridge, const double *now) {
-    SbBridge *b = bridge;
+int sb_conclude(SbBridge *b, const double *now) {
     int is_estimated = b->is_stepped;
     b->health = b->is_stepped ? (int)b->output[b->n_outputs - 1] : -1;
     for (int k = 0; k < N_REAL_LOADS; k++) {
         is_estimated &= isfinite(b->output[k]) != 0;
     }
-    const int stated = b->is_stepped && b->needs_pressure && isnan(b->pressure) ? NO_COEFFICIENTS : b->health;
+    const int stated = b->is_stepped && b->needs_pressure && isnan(b->pressure) ? HEALTH_NO_COEFFICIENTS : b->health;
     return sb_answer(b->plan, b->state, now, stated, is_estimated);
 }
 
@@ -190,11 +184,6 @@ double *details_in(const SbBridge *bridge, double *value) {
 /* --- values of the frames ------------------------------------------------------------------------------------------------
 
    What is not published, or not known, is NaN, which frames have a number for; what exceeds its signal is the largest one. */
-
-static int has_coefficients(int quality) {
-    return quality == SB_VALID || quality == SB_UNPROTECTED || quality == SB_DEGRADED || quality == SB_SUSPECT ||
-           quality == SB_UNCONFIRMED;
-}
 
 static double at_most(double value, double largest) {
     return value > largest ? largest : value;
@@ -238,8 +227,7 @@ static void keep_last(SbBridge *b, double score) {
     }
 }
 
-void result_of(SbBridge *bridge, double *value) {
-    SbBridge *b = bridge;
+void result_of(SbBridge *b, double *value) {
     const SbResult *r = &b->state->result;
     const double score = b->is_stepped && b->score >= 0 ? b->output[b->score] : NAN;
     const int published = b->is_stepped && has_coefficients(r->quality);
@@ -323,16 +311,14 @@ int compose_frames(const SbBridge *b, int kind, const double *value) {
     return -1;
 }
 
-int sb_compose(SbBridge *bridge) {
-    const SbBridge *b = bridge;
-    result_of(bridge, b->value);
+int sb_compose(SbBridge *b) {
+    result_of(b, b->value);
     const int refused = compose_frames(b, OF_RESULT, b->value);
     return refused >= 0 || !has_details(b->state->result.causes) ? refused
                                                                   : compose_frames(b, OF_DETAIL, details_in(b, b->value));
 }
 
-int sb_compose_status(SbBridge *bridge, const double *now) {
-    const SbBridge *b = bridge;
+int sb_compose_status(SbBridge *b, const double *now) {
     status_values(b, *now, b->value);
     const int refused = compose_frames(b, OF_STATUS, b->value);
     last_details(&b->last, b->value);

@@ -26,8 +26,6 @@
 #define SB_API
 #endif
 
-#define SB_VERSION 8
-
 /* --- the plan ------------------------------------------------------------------------------------------------------ */
 
 enum { SB_UNSIGNED, SB_SIGNED, SB_FLOAT }; /* kinds of a signal */
@@ -111,6 +109,9 @@ enum {
 
 enum { SB_NO_DATA, SB_VALID, SB_UNPROTECTED, SB_DEGRADED, SB_SUSPECT, SB_STALE, SB_INVALID, SB_UNCONFIRMED };
 
+/* Health of the estimator, as HealthState numbers it. */
+enum { HEALTH_OK, HEALTH_INCONSISTENT, HEALTH_NO_COEFFICIENTS, HEALTH_INVALID, HEALTH_DEGRADED, HEALTH_UNIDENTIFIED };
+
 /* Why a gauge is not used. */
 enum {
     SB_IS_USED,
@@ -182,20 +183,13 @@ typedef struct {
     double ready, unseen;
 } SbAnswer;
 
-/* Bounds of the sender's clock, clock.c. */
+/* Bounds of a clock, clock.c: of the sender's, or of a frame of the flow that does not share it. */
 typedef struct {
     int32_t is_set, has_lower, n_odd, n_returned;
     int32_t is_assumed, counter;                  /* the lower bound is: no result that was heard shows it */
     int64_t ticks;                                /* and counter, of the last reading that counts */
     double source, at, upper, lower, doubt; /* [s] */
 } SbClock;
-
-/* Clock of a frame of the flow that does not share the strains'. */
-typedef struct {
-    int32_t is_set, n_late;
-    int64_t ticks;
-    double source, at, upper;
-} SbLine;
 
 typedef struct {
     double tokens, token_time, came, came_before; /* [s]; of the last two frames in sequence */
@@ -209,7 +203,7 @@ typedef struct {
     int32_t ok, errors, state;                    /* E2E state machine: the last ten checks, a bit each */
     int32_t recent[8], n_recent;
     int32_t here, present, fresh, status;         /* in the open cycle; read, and new; the sender's own status */
-    SbLine line;
+    SbClock clock;
 } SbSlotState;
 
 typedef struct {
@@ -260,8 +254,6 @@ typedef struct {
 
 /* --- the machine ------------------------------------------------------------------------------------------------------ */
 
-SB_API int64_t sb_version(void);
-
 /* Bytes of the state for a plan. */
 SB_API int64_t sb_size(const SbPlan *plan);
 SB_API void sb_begin(const SbPlan *plan, SbState *state, double start);
@@ -292,6 +284,7 @@ SB_API void sb_finish(const SbPlan *plan, SbState *state, double now);      /* t
 /* The rule of trust, trust.c: quality, and whether loads may be used. */
 SB_API int sb_quality(uint32_t causes, int is_long, int ever, int n_used, int is_estimated, int health, int is_protected);
 SB_API int sb_usable(int quality, int health);
+int has_coefficients(int quality);
 
 /* --- signals ---------------------------------------------------------------------------------------------------------- */
 
@@ -343,7 +336,7 @@ typedef struct {
 int64_t ticks_ahead(int64_t ticks, int64_t than, int bits);
 uint32_t clock_date(const SbPlan *plan, SbState *state, int64_t ticks, int counter, double tick, const Echo *echo,
                     double now);
-int line_read(const SbPlan *plan, SbLine *line, const SbSlot *slot, int64_t ticks, double time, double *delay);
+int clock_delay(const SbPlan *plan, SbClock *clock, const SbSlot *slot, int64_t ticks, double time, double *delay);
 
 double stated_pressure(const SbPlan *plan, const SbState *state, double now);
 

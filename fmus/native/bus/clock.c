@@ -39,19 +39,19 @@ int64_t ticks_ahead(int64_t ticks, int64_t than, int bits) {
     return ahead >> 63 ? -(int64_t)((~ahead + 1) >> unused) : (int64_t)(ahead >> unused);
 }
 
-/* The same in seconds of a clock that may have wrapped meanwhile: it has gone on for about as long as ours, `passed`. */
-static double time_ahead(const SbPlan *p, int64_t ticks, int64_t than, double tick, double passed) {
-    const double ahead = tick * (double)ticks_ahead(ticks, than, p->bits);
-    const double range = tick * (p->bits < 64 ? (double)(UINT64_C(1) << p->bits) : 0x1p64);
-    return ahead + range * (double)whole_number((passed - ahead) / range);
-}
-
-/* The time of a cycle: the sender's sample time and counter, -1 for none; the unit of the former; ours, and when it is used. */
+/* The time of a cycle, or of a frame: the sender's sample time and counter, -1 for none; bits and unit of the former; ours, and
+   when it is used. */
 typedef struct {
     int64_t ticks;
-    int counter;
+    int counter, bits;
     double tick, local, now; /* [s] */
 } Sample;
+
+/* The same in seconds of a clock that may have wrapped meanwhile: it has gone on for about as long as ours, `passed`. */
+static double time_ahead(const Sample *at, int64_t than, double passed) {
+    const double ahead = at->tick * (double)ticks_ahead(at->ticks, than, at->bits), range = at->tick * power_of_two(at->bits);
+    return ahead + range * (double)whole_number((passed - ahead) / range);
+}
 
 /* --- the step from the cycle before ----------------------------------------------------------------------------------- */
 
@@ -65,7 +65,7 @@ typedef struct {
    round has its rounds from the time. */
 static Step step_from(const SbPlan *p, int64_t ticks, int counter, double at, const Sample *to) {
     const double passed = to->local - at;
-    Step step = {.time = time_ahead(p, to->ticks, ticks, to->tick, passed), .passed = passed};
+    Step step = {.time = time_ahead(to, ticks, passed), .passed = passed};
     if (p->modulus && to->counter >= 0 && counter >= 0) {
         step.steps = (to->counter - counter + p->modulus) % p->modulus;
         const double rounds = (step.time / p->cycle - step.steps) / p->modulus;
@@ -85,7 +85,7 @@ static Step step_from(const SbPlan *p, int64_t ticks, int counter, double at, co
 static SbClock widened(const SbPlan *p, const SbClock *clock, const Sample *at) {
     SbClock k = *clock;
     const double passed = at->local > k.at ? at->local - k.at : 0.0;
-    k.source += time_ahead(p, at->ticks, k.ticks, at->tick, at->local - k.at);
+    k.source += time_ahead(at, k.ticks, at->local - k.at);
     k.upper += p->tolerance * passed;
     k.lower -= p->tolerance * passed;
     k.ticks = at->ticks;
@@ -120,15 +120,6 @@ static int fits(const SbPlan *p, const SbClock *clock, SbClock *k, const Sample 
         k->lower = k->upper - p->tolerance * SETTLE;
     }
     return !is_ahead && at->now - k->source - k->upper <= p->max_age;
-}
-
-/* From now on nothing proves that the sender is no recording, or not late, unless restarts need no proof. */
-static void begin_unproven(const SbPlan *p, SbState *s) {
-    if (!p->accepts) {
-        s->proven = s->is_unproven ? s->proven : s->clock;
-        s->has_proven = 1;
-        s->is_unproven = 1;
-    }
 }
 
 /* The largest difference of a step by its time and by its counter that says nothing: they usually differ, and many in a row
@@ -241,7 +232,10 @@ static uint32_t date_by_anchor(const SbPlan *p, SbState *s, const Sample *at, co
     c->n_odd = !step->goes_on || (!is_late && !c->n_odd) ? 1 : c->n_odd ? c->n_odd + 1 : 0;
     s->n_late++;
     if (c->n_odd >= p->late_limit) {
-        begin_unproven(p, s);
+        if (!p->accepts) { /* from now on nothing proves that the sender is no recording, or not late */
+            s->proven = s->is_unproven ? s->proven : s->clock;
+            s->has_proven = s->is_unproven = 1;
+        }
         anchor(&s->clock, at);
         s->n_late = 0;
         state_age(p, &s->result, &s->clock, at->now);
@@ -256,7 +250,7 @@ static uint32_t date_by_anchor(const SbPlan *p, SbState *s, const Sample *at, co
 
 /* Synchronised clocks: the whole delay is age, and a recording is as old as it is. */
 static uint32_t date_by_system_time(const SbPlan *p, SbState *s, const Sample *at) {
-    const double range = at->tick * (p->bits < 64 ? (double)(UINT64_C(1) << p->bits) : 0x1p64);
+    const double range = at->tick * power_of_two(at->bits);
     const double behind = remainder_of(at->local + p->shift - at->tick * (double)at->ticks, range);
     const double delay = behind >= 0.5 * range ? behind - range : behind;
     s->is_confirmed = 0;
@@ -269,7 +263,7 @@ static uint32_t date_by_system_time(const SbPlan *p, SbState *s, const Sample *a
 }
 
 uint32_t clock_date(const SbPlan *p, SbState *s, int64_t ticks, int counter, double tick, const Echo *echo, double now) {
-    const Sample at = {ticks, counter, tick, s->first, now};
+    const Sample at = {ticks, counter, p->bits, tick, s->first, now};
     const Step none = {.goes_on = 1}, step = s->has_seen ? step_from(p, s->seen_ticks, s->seen_counter, s->seen_at, &at) : none;
     const int has_state = p->state >= 0 && slots_of(s)[p->state].here;
     if (p->is_answered && s->expects_state && !has_state && !step.goes_on) {
@@ -296,27 +290,23 @@ uint32_t clock_date(const SbPlan *p, SbState *s, int64_t ticks, int counter, dou
 }
 
 /* The delay of a frame beyond the smallest one, by its own clock; 0 if it is too large. Three in a row are a restart. */
-int line_read(const SbPlan *p, SbLine *line, const SbSlot *slot, int64_t ticks, double time, double *delay) {
-    const int bits = p->signal[slot->sample_time].length;
-    SbLine k = *line;
-    k.source += slot->tick * (double)ticks_ahead(ticks, k.ticks, bits);
-    k.upper += p->tolerance * (time > k.at ? time - k.at : 0.0);
-    k.ticks = ticks;
-    k.at = time;
-    const double arrived = time - k.source, longest = slot->hold;
-    if (!line->is_set || arrived < k.upper) {
+int clock_delay(const SbPlan *p, SbClock *clock, const SbSlot *slot, int64_t ticks, double time, double *delay) {
+    const Sample at = {ticks, -1, p->signal[slot->sample_time].length, slot->tick, time, time};
+    SbClock k = widened(p, clock, &at);
+    const double arrived = time - k.source;
+    if (!clock->is_set || arrived < k.upper) {
         k.upper = arrived;
     }
     *delay = arrived - k.upper;
-    if (line->is_set && *delay > longest && ++line->n_late < p->late_limit) {
+    if (clock->is_set && *delay > slot->hold && ++clock->n_odd < p->late_limit) {
         return 0;
     }
-    if (*delay > longest) {
+    if (*delay > slot->hold) {
         k.upper = arrived;
         *delay = 0.0;
     }
     k.is_set = 1;
-    k.n_late = 0;
-    *line = k;
+    k.n_odd = 0;
+    *clock = k;
     return 1;
 }

@@ -40,17 +40,16 @@ static int check_trailer(const SbPlan *p, SbState *s, uint32_t missing) {
         return SB_CYCLE_UNVERIFIED;
     }
     const uint8_t *data = data_of(s) + t->data, *strains = data_of(s) + p->covered;
-    const int n_strains = p->n_covered, of_state = state != NULL && state->here ? p->slot[p->state].length : 0;
+    int of_state = state != NULL && state->here ? p->slot[p->state].length : 0;
     const uint16_t stated = frame_crc_in(t, data);
-    int n_covered = n_strains + of_state;
-    if (of_state && frame_crc(t, data, t->length, strains - of_state, n_covered) != stated) {
-        n_covered = n_strains;
-        state->here = 0;
+    int is_right = frame_crc(t, data, t->length, strains - of_state, p->n_covered + of_state) == stated;
+    if (of_state && !is_right) {
+        of_state = state->here = 0;
         s->n_open--;
         settle_open(s, SB_UNVERIFIED, s->first);
+        is_right = frame_crc(t, data, t->length, strains, p->n_covered) == stated;
     }
-    const uint8_t *covered = strains - (n_covered - n_strains);
-    if (frame_crc(t, data, t->length, covered, n_covered) != stated) {
+    if (!is_right) {
         e2e_add(q, E2E_ERROR);
         return SB_CYCLE_UNVERIFIED;
     }
@@ -60,7 +59,7 @@ static int check_trailer(const SbPlan *p, SbState *s, uint32_t missing) {
             return SB_CYCLE_OLD;
         }
     }
-    const int status = e2e_count(p, s, p->trailer, s->arrival, data, t->length, covered, n_covered);
+    const int status = e2e_count(p, s, p->trailer, s->arrival, data, t->length, strains - of_state, p->n_covered + of_state);
     e2e_add(q, status);
     return reason_of[status] ? reason_of[status] : q->state == E2E_VALID ? 0 : SB_FRAME_NOT_TRUSTED;
 }
@@ -413,22 +412,17 @@ static int64_t lay_out(const SbPlan *p, SbState *s) {
     return end;
 }
 
-int64_t sb_version(void) {
-    return SB_VERSION;
+int64_t sb_size(const SbPlan *p) {
+    return lay_out(p, NULL);
 }
 
-int64_t sb_size(const SbPlan *plan) {
-    return lay_out(plan, NULL);
-}
-
-void sb_begin(const SbPlan *plan, SbState *state, double start) {
-    SbState *s = state;
-    memset(s, 0, (size_t)sb_size(plan));
-    lay_out(plan, s);
+void sb_begin(const SbPlan *p, SbState *s, double start) {
+    memset(s, 0, (size_t)lay_out(p, NULL));
+    lay_out(p, s);
     s->deadline = INFINITY;
-    s->next_status = start + plan->timeout;
+    s->next_status = start + p->timeout;
     s->measured_period = NAN;
-    s->usual_off = 0.05 * plan->cycle;
+    s->usual_off = 0.05 * p->cycle;
     s->last_cycle = s->refilled = start;
     s->last_first = s->alarm_heard = s->alarm_until = s->bridge_until = -INFINITY;
     s->refusals = 20.0;
@@ -439,9 +433,9 @@ void sb_begin(const SbPlan *plan, SbState *state, double start) {
     for (int k = 0; k < SB_ANSWERS; k++) {
         s->answer[k].ticks = -1;
     }
-    for (int i = 0; i < plan->n_slots; i++) {
+    for (int i = 0; i < p->n_slots; i++) {
         SbSlotState *q = &slots_of(s)[i];
-        q->tokens = plan->burst;
+        q->tokens = p->burst;
         q->token_time = start;
         q->counter = q->counter_before = -1;
         for (int k = 0; k < 8; k++) {
@@ -449,8 +443,8 @@ void sb_begin(const SbPlan *plan, SbState *state, double start) {
         }
         q->came = q->came_before = q->held_since = q->heard = q->wrong[0] = q->wrong[1] = q->wrong[2] = -INFINITY;
     }
-    for (int k = 0; k < plan->n_flow; k++) {
+    for (int k = 0; k < p->n_flow; k++) {
         quantities_of(s)[k].value = quantities_of(s)[k].stated = NAN;
     }
-    gauges_begin(plan, s);
+    gauges_begin(p, s);
 }

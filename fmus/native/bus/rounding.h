@@ -5,6 +5,11 @@
 
 #include <stdint.h>
 
+/* 2^k for 0 <= k <= 64. */
+static inline double power_of_two(int k) {
+    return k < 64 ? (double)(UINT64_C(1) << k) : 0x1p64;
+}
+
 /* The nearest whole number of 0 <= x, half to even; numbers from 2^52 on have no fraction. */
 static inline double nearest(double x) {
     return x < 0x1p52 ? (x + 0x1p52) - 0x1p52 : x;

@@ -74,11 +74,6 @@ void sb_physical(const SbSignal *signal, int count, const int64_t *raw, double *
 
 /* --- encoding ------------------------------------------------------------------------------------------------------- */
 
-/* 2^k for 0 <= k <= 64. */
-static double power_of_two(int k) {
-    return k < 64 ? (double)((uint64_t)1 << k) : 0x1p64;
-}
-
 /* Bits of a float of 16 bits next to x, half to even; |x| is at most the largest, 65504. */
 static uint64_t half_bits(double x) {
     const uint64_t sign = signbit(x) ? 0x8000 : 0;

@@ -24,9 +24,9 @@ void settle_open(SbState *s, int kind, double time) {
     settle(s, kind, time);
 }
 
-void sb_count(SbState *state, int kind, double time) {
-    state->account.received++;
-    settle(state, kind, time);
+void sb_count(SbState *s, int kind, double time) {
+    s->account.received++;
+    settle(s, kind, time);
 }
 
 /* --- end-to-end protection ------------------------------------------------------------------------------------------ */
@@ -222,37 +222,37 @@ int session_is_new(const SbPlan *p, SbState *s, int session, double time) {
     return 1;
 }
 
-void sb_confirm(const SbPlan *plan, SbState *state) {
-    SbSlotState *q = slots_of(state);
-    state->is_unproven = state->has_proven = state->n_late = state->has_session = state->has_seen = 0;
-    state->clock.is_set = state->clock.has_lower = 0;
-    state->is_confirmed = 1;
-    for (int i = 0; i < plan->n_slots; i++) {
-        q[i].line.is_set = 0;
+void sb_confirm(const SbPlan *p, SbState *s) {
+    SbSlotState *q = slots_of(s);
+    s->is_unproven = s->has_proven = s->n_late = s->has_session = s->has_seen = 0;
+    s->clock.is_set = s->clock.has_lower = 0;
+    s->is_confirmed = 1;
+    for (int i = 0; i < p->n_slots; i++) {
+        q[i].clock.is_set = 0;
     }
 }
 
-void sb_restart(const SbPlan *plan, SbState *state, double now) {
-    SbSlotState *q = slots_of(state);
-    drop_open(plan, state, now);
-    for (int i = 0; i < plan->n_slots; i++) {
-        if (plan->slot[i].kind != SB_OF_FLOW) {
+void sb_restart(const SbPlan *p, SbState *s, double now) {
+    SbSlotState *q = slots_of(s);
+    drop_open(p, s, now);
+    for (int i = 0; i < p->n_slots; i++) {
+        if (p->slot[i].kind != SB_OF_FLOW) {
             begin_checks(&q[i]);
         }
     }
-    state->noted |= SB_BUS;
+    s->noted |= SB_BUS;
 }
 
-void sb_finish(const SbPlan *plan, SbState *state, double now) {
-    drop_open(plan, state, now);
+void sb_finish(const SbPlan *p, SbState *s, double now) {
+    drop_open(p, s, now);
 }
 
-void sb_note(SbState *state, uint32_t causes) {
-    state->noted |= causes;
+void sb_note(SbState *s, uint32_t causes) {
+    s->noted |= causes;
 }
 
-void sb_note_bridge(SbState *state, double until) {
-    state->bridge_until = until;
+void sb_note_bridge(SbState *s, double until) {
+    s->bridge_until = until;
 }
 
 /* --- flow and commands ------------------------------------------------------------------------------------------------ */
@@ -276,7 +276,7 @@ static int take_flow(const SbPlan *p, SbState *s, int slot, double time, const u
     if (!e2e_is_trusted(p, s, slot)) {
         return SB_UNTRUSTED;
     }
-    if (t->sample_time >= 0 && !t->shares_clock && !line_read(p, &q->line, t, ticks, time, &delay)) {
+    if (t->sample_time >= 0 && !t->shares_clock && !clock_delay(p, &q->clock, t, ticks, time, &delay)) {
         return SB_NOT_USABLE;
     }
     int is_used = 0;
@@ -474,9 +474,7 @@ static int selected_slot(const SbPlan *p, int slot, const uint8_t *data) {
     return slot;
 }
 
-int sb_take(const SbPlan *plan, SbState *state, int slot, const double *now, const uint8_t *data, int n, int flags) {
-    const SbPlan *p = plan;
-    SbState *s = state;
+int sb_take(const SbPlan *p, SbState *s, int slot, const double *now, const uint8_t *data, int n, int flags) {
     const double time = *now;
     const int is_offered_again = flags & (SB_FLAG_AUTHENTIC | SB_FLAG_FORGED | SB_FLAG_STALE);
     int kind = -1;
@@ -539,16 +537,15 @@ static void be_silent(const SbPlan *p, SbState *s, double now) {
     }
 }
 
-int sb_due(const SbPlan *plan, SbState *state, const double *now) {
-    SbState *s = state;
+int sb_due(const SbPlan *p, SbState *s, const double *now) {
     while (s->deadline <= *now && s->deadline <= s->next_status) {
-        close_cycle(plan, s, s->deadline);
+        close_cycle(p, s, s->deadline);
         if (!s->skips) {
             return SB_READY;
         }
     }
     if (s->next_status <= *now) {
-        be_silent(plan, s, *now);
+        be_silent(p, s, *now);
         return SB_READY;
     }
     return SB_TAKEN;

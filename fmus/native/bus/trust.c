@@ -3,9 +3,6 @@
 
 #include "bus.h"
 
-/* Health of the estimator, as HealthState numbers it. */
-enum { HEALTH_OK, HEALTH_INCONSISTENT, HEALTH_NO_COEFFICIENTS, HEALTH_INVALID, HEALTH_DEGRADED, HEALTH_UNIDENTIFIED };
-
 static const uint32_t TOO_OLD = SB_OLD | SB_FROZEN | SB_SILENT;
 static const uint32_t NOT_PROVEN = SB_AGE_UNKNOWN | SB_RESTART | SB_SECOND_SENDER | SB_SECOND_BRIDGE | SB_PERIOD;
 static const uint32_t LEFT_OUT = SB_PARTIAL | SB_GAUGE | SB_NOT_TRUSTED | SB_STATUS | SB_OVERLOAD | SB_BUS | SB_PRESSURE;
@@ -14,6 +11,10 @@ static const uint32_t LEFT_OUT = SB_PARTIAL | SB_GAUGE | SB_NOT_TRUSTED | SB_STA
 static const uint8_t USABLE[] = {[SB_NO_DATA] = 0,  [SB_VALID] = 1, [SB_UNPROTECTED] = 1, [SB_DEGRADED] = 1,
                                  [SB_SUSPECT] = 0, [SB_STALE] = 0, [SB_INVALID] = 0,     [SB_UNCONFIRMED] = 0};
 
+static int is_without_loads(int health) {
+    return health == HEALTH_NO_COEFFICIENTS || health == HEALTH_INVALID || health == HEALTH_UNIDENTIFIED;
+}
+
 int sb_quality(uint32_t causes, int is_long, int ever, int n_used, int is_estimated, int health, int is_protected) {
     const int has_none = n_used == 0;
     const struct {
@@ -21,8 +22,7 @@ int sb_quality(uint32_t causes, int is_long, int ever, int n_used, int is_estima
     } row[] = {
         {SB_NO_DATA, has_none && !ever},
         {SB_STALE, has_none && causes & TOO_OLD && !is_long},
-        {SB_INVALID, has_none || !is_estimated},
-        {SB_INVALID, health == HEALTH_NO_COEFFICIENTS || health == HEALTH_INVALID || health == HEALTH_UNIDENTIFIED},
+        {SB_INVALID, has_none || !is_estimated || is_without_loads(health)},
         {SB_UNCONFIRMED, (causes & NOT_PROVEN) != 0},
         {SB_SUSPECT, health != HEALTH_OK && health != HEALTH_DEGRADED}, /* an unknown state is never better */
         {SB_DEGRADED, health == HEALTH_DEGRADED || causes & LEFT_OUT},
@@ -41,6 +41,10 @@ int sb_usable(int quality, int health) {
            (health == HEALTH_OK || health == HEALTH_DEGRADED);
 }
 
+int has_coefficients(int quality) {
+    return quality != SB_NO_DATA && quality != SB_STALE && quality != SB_INVALID;
+}
+
 /* Take a token for a result without loads: a babbling input gets no babbling answer. */
 static int may_refuse(const SbPlan *p, SbState *s, double now) {
     static const double AT_ONCE = 20.0, PER_CYCLE = 2.0;
@@ -55,36 +59,32 @@ static int may_refuse(const SbPlan *p, SbState *s, double now) {
     return 1;
 }
 
-int sb_answer(const SbPlan *plan, SbState *state, const double *now, int health, int is_estimated) {
-    SbState *s = state;
+int sb_answer(const SbPlan *p, SbState *s, const double *now, int health, int is_estimated) {
     SbResult *r = &s->result;
     const double ready = r->time; /* what is heard of it is heard later; and a replay knows no other time */
     if (*now > r->time) {
         r->age += *now - r->time;
         r->time = *now;
     }
-    if (r->n_used && r->age - r->held > plan->max_age) { /* the bridge stood still */
+    if (r->n_used && r->age - r->held > p->max_age) { /* the bridge stood still */
         r->n_used = 0;
         r->causes |= SB_OLD | SB_OVERLOAD;
-    } else if (r->n_used && r->age - r->held + r->uncertainty > plan->max_age) {
+    } else if (r->n_used && r->age - r->held + r->uncertainty > p->max_age) {
         r->causes |= SB_AGE_UNKNOWN;
     }
     r->causes |= health > HEALTH_OK ? SB_HEALTH : 0;
     r->causes |= r->n_used && health < 0 ? SB_STEP_FAILED : 0;
-    const int has_loads = health >= 0 && is_estimated && health != HEALTH_NO_COEFFICIENTS && health != HEALTH_INVALID &&
-                          health != HEALTH_UNIDENTIFIED;
     r->causes |= health >= 0 && !is_estimated && health <= HEALTH_INCONSISTENT ? SB_STEP_FAILED : 0;
-    const int is_long = r->is_silent && r->time - s->last_cycle > plan->invalid_after;
-    r->quality = sb_quality(r->causes, is_long, s->ever, r->n_used, is_estimated, health, plan->is_protected);
+    const int is_long = r->is_silent && r->time - s->last_cycle > p->invalid_after;
+    r->quality = sb_quality(r->causes, is_long, s->ever, r->n_used, is_estimated, health, p->is_protected);
     r->usable = sb_usable(r->quality, health);
-    s->ever |= r->n_used && has_loads;
-    const int is_refused = r->quality == SB_STALE || r->quality == SB_INVALID || r->quality == SB_NO_DATA;
-    if (is_refused && !r->is_silent && !may_refuse(plan, s, r->time)) {
+    s->ever |= r->n_used && health >= 0 && is_estimated && !is_without_loads(health);
+    if (!has_coefficients(r->quality) && !r->is_silent && !may_refuse(p, s, r->time)) {
         s->noted |= r->causes & (SB_OVERLOAD | SB_BUS); /* what degrades the next result, too */
         return 0;
     }
-    const int32_t counter = (plan->first_result + s->n_results) % plan->n_counters;
-    s->n_results = (s->n_results + 1) % plan->n_counters;
+    const int32_t counter = (p->first_result + s->n_results) % p->n_counters;
+    s->n_results = (s->n_results + 1) % p->n_counters;
     if (r->sample_time >= 0) {
         s->answer[s->n_answers] = (SbAnswer){.ticks = r->sample_time, .counter = counter, .ready = ready, .unseen = s->unseen};
         s->n_answers = (s->n_answers + 1) % SB_ANSWERS;

@@ -46,11 +46,8 @@ static const SenderSetup *setup_of(const Node *sender) {
 }
 
 static double ticks_of(double time, double tick, const SbSignal *signal) {
-    double modulus = 1.0;
-    for (int32_t bit = 0; bit < signal->length; bit++) {
-        modulus *= 2.0;
-    }
-    return remainder_of((double)whole_number(time / tick), modulus) * signal->scale + signal->offset;
+    const double ticks = remainder_of((double)whole_number(time / tick), power_of_two(signal->length));
+    return ticks * signal->scale + signal->offset;
 }
 
 static double value_of(const Node *sender, const SbSignal *signal, const SenderSource *source, double time) {
