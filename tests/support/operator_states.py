@@ -196,21 +196,17 @@ def make_pictures(demo: Path, folder: Path) -> None:
                     state.enter(name)
                     time.sleep(times[name])
                     _picture(browser, folder / f"monitor_{name}.png")
-                    if name == "suspect":
-                        set_width(browser, 768, 1024)
-                        time.sleep(1.0)
-                        _picture(browser, folder / "monitor_tablet.png", 768)
             finally:
                 browser.close()
     for path in folder.glob("monitor_*.png"):
         _save_with_palette(path)
 
 
-def _picture(browser: Any, path: Path, width: int = 1280) -> None:
+def _picture(browser: Any, path: Path) -> None:
     """Write the whole page."""
     from clipping import set_width
 
-    set_width(browser, width, int(browser.value("document.documentElement.scrollHeight")))
+    set_width(browser, 1280, int(browser.value("document.documentElement.scrollHeight")))
     time.sleep(0.4)
     browser.screenshot(path)
 
