@@ -174,7 +174,7 @@ def demo_samples(demo: Path) -> list[FlownSample]:
 
 
 def make_pictures(demo: Path, folder: Path) -> None:
-    """Write a picture of each state as PNG with a palette, and one of a tablet's width."""
+    """Write a picture of each state as PNG with a palette."""
     from chromium import Browser
     from clipping import set_width
 
