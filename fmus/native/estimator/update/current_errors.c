@@ -183,38 +183,44 @@ static void add_all_own(Scaled *scaled) {
     }
 }
 
-/* k_vp of one common error, of which `shown` (6, whole) is V E_a: G E_a (E_b' G') symmetrised for the covariance,
-   E_a' P E_b for the trace, each twice for a < b. */
+void add_common_error(size_t loads, const double *load, const double *square, double *value) {
+    for (size_t a = 0, pair = 0; a < 6; a++) {
+        for (size_t b = a; b < 6; b++, pair++) {
+            const double twice = a == b ? 1.0 : 2.0;
+            const double *first = load + a * loads, *second = load + b * loads;
+            double *of_pair = value + pair;
+            for (size_t i = 0; i < N_LOADS; i++) {
+                for (size_t j = i; j < N_LOADS; j++, of_pair += N_PAIRS) {
+                    *of_pair += 0.5 * twice * (first[i] * second[j] + second[i] * first[j]);
+                }
+            }
+            *of_pair += twice * square[6 * a + b];
+            for (size_t k = N_LOADS; k < loads; k++) {
+                of_pair += N_PAIRS;
+                *of_pair += twice * (first[k] * second[k]);
+            }
+        }
+    }
+}
+
+/* One common error, of which `shown` (6, whole) is V E_a: in directions G and P are diagonal. */
 static void add_common(Scaled *scaled, const double *shown) {
     const size_t n = scaled->map->n_gauges, whole = dense_rows(n);
     CurrentErrors *errors = &scaled->errors;
     const size_t loads = N_LOADS + errors->n_other;
+    double square[6 * 6];
     for (size_t a = 0; a < 6; a++) {
         for (size_t k = 0; k < loads; k++) {
             errors->common_load[a * loads + k] = dot(n, errors->weighted + k * whole, shown + a * whole);
         }
-    }
-    size_t pair = 0;
-    for (size_t a = 0; a < 6; a++) {
         for (size_t g = 0; g < n; g++) {
             errors->product[g] = errors->unresolved[g] * shown[a * whole + g];
         }
-        for (size_t b = a; b < 6; b++, pair++) {
-            const double twice = a == b ? 1.0 : 2.0;
-            const double *first = errors->common_load + a * loads, *second = errors->common_load + b * loads;
-            double *node = errors->node + pair;
-            for (size_t i = 0; i < N_LOADS; i++) {
-                for (size_t j = i; j < N_LOADS; j++, node += N_PAIRS) {
-                    *node += 0.5 * twice * (first[i] * second[j] + second[i] * first[j]);
-                }
-            }
-            *node += twice * dot(n, errors->product, shown + b * whole);
-            for (size_t k = N_LOADS; k < loads; k++) {
-                node += N_PAIRS;
-                *node += twice * (first[k] * second[k]);
-            }
+        for (size_t b = a; b < 6; b++) {
+            square[6 * a + b] = dot(n, errors->product, shown + b * whole);
         }
     }
+    add_common_error(loads, errors->common_load, square, errors->node);
 }
 
 /* Chebyshev's points of [-1, 1], cos((2 k + 1) pi / 12), and for each the coefficients of Lagrange's polynomial, 1

@@ -63,7 +63,6 @@ void low_rank_arrays(Scaled *scaled, Room *room) {
         low->interval[k].value = taken(room, LOW_NODES * N_LOW_VALUES);
         low->interval[k].left = taken(room, LOW_NODES * N_LOADS * (N_LOADS + 1));
         low->interval[k].gain = taken(room, LOW_NODES * N_LOADS * n);
-        low->interval[k].term_load = taken(room, LOW_NODES * N_LOADS * terms);
         low->interval[k].term_square = taken(room, LOW_NODES * terms * 6);
     }
     /* Of an interval, or at a ratio of 1. */

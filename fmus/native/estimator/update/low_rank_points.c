@@ -233,27 +233,6 @@ static void set_term_squares(Scaled *scaled, const double *weight, double *term_
     }
 }
 
-/* What common errors at the current strain add. */
-static void add_common(const Scaled *scaled, const double *term_load, const double *term_square, double *value) {
-    const size_t terms = 6 * scaled->map->form.n_terms;
-    for (size_t first = 0; first < terms; first += 6) {
-        for (size_t a = 0, pair = 0; a < 6; a++) {
-            for (size_t b = a; b < 6; b++, pair++) {
-                const double twice = a == b ? 1.0 : 2.0;
-                const size_t p = first + a, q = first + b;
-                double *of_pair = value + pair;
-                for (size_t i = 0; i < N_LOADS; i++) {
-                    for (size_t j = i; j < N_LOADS; j++, of_pair += N_PAIRS) {
-                        *of_pair += 0.5 * twice * (term_load[i * terms + p] * term_load[j * terms + q]
-                                                   + term_load[i * terms + q] * term_load[j * terms + p]);
-                    }
-                }
-                *of_pair += twice * term_square[6 * p + b];
-            }
-        }
-    }
-}
-
 /* Chebyshev's points cos((2 k + 1) pi / 24), as constants, so that no platform rounds them otherwise. */
 static const double POINT[LOW_NODES] = {0x1.fb9ea92ec689bp-1, 0x1.d906bcf328d46p-1, 0x1.963268b572492p-1,
                                         0x1.37af93f9513eap-1, 0x1.87de2a6aea963p-2, 0x1.0b5150f6da2d1p-3,
@@ -272,7 +251,7 @@ static void set_parts(double t, double part[LOW_NODES]) {
 
 /* What an interval holds at one of its points. */
 typedef struct {
-    double s, *covariance, *column, *precision, *value, *left, *gain, *term_load, *term_square;
+    double s, *covariance, *column, *precision, *value, *left, *gain, *term_square;
 } Point;
 
 static Point point_of(const Scaled *scaled, const LowInterval *interval, size_t k) {
@@ -284,7 +263,6 @@ static Point point_of(const Scaled *scaled, const LowInterval *interval, size_t 
                    .value = interval->value + k * N_LOW_VALUES,
                    .left = interval->left + k * N_LOADS * (N_LOADS + 1),
                    .gain = interval->gain + k * N_LOADS * n,
-                   .term_load = interval->term_load + k * N_LOADS * terms,
                    .term_square = interval->term_square + k * 6 * terms};
 }
 
@@ -292,16 +270,17 @@ static Point point_of(const Scaled *scaled, const LowInterval *interval, size_t 
 static void set_values(Scaled *scaled, const Point *point) {
     const Map *map = scaled->map;
     const size_t n = map->n_gauges, terms = 6 * map->form.n_terms;
+    double load[6 * N_LOADS]; /* of a common error, by coefficient */
     memset(point->value, 0, N_LOW_VALUES * sizeof *point->value);
     set_base(scaled, point->s, point->covariance, point->column, point->left, point->value);
     if (map->form.has_errors) {
-        for (size_t i = 0; i < N_LOADS; i++) {
-            for (size_t t = 0; t < terms; t++) {
-                point->term_load[i * terms + t] = dot(n, point->gain + i * n, map->form.common + t * n);
-            }
-        }
         add_own(scaled, point->precision, point->gain, point->value + N_BASE);
-        add_common(scaled, point->term_load, point->term_square, point->value + N_BASE);
+        for (size_t first = 0; first < terms; first += 6) {
+            for (size_t k = 0; k < 6 * N_LOADS; k++) {
+                load[k] = dot(n, point->gain + k % N_LOADS * n, map->form.common + (first + k / N_LOADS) * n);
+            }
+            add_common_error(N_LOADS, load, point->term_square + 6 * first, point->value + N_BASE);
+        }
     }
 }
 

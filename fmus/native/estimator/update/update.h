@@ -202,7 +202,7 @@ typedef struct {
     double *value;         /* (LOW_NODES, N_LOW_VALUES) */
     /* What a set with further gauges lost follows from: */
     double *left, *gain;   /* (LOW_NODES, 5, 6) X_t' W [X_t, m]; (LOW_NODES, 5, n_gauges) G */
-    double *term_load, *term_square; /* (LOW_NODES, 5, 6 n_terms) G E'; (LOW_NODES, 6 n_terms, 6) E' P E */
+    double *term_square;   /* (LOW_NODES, 6 n_terms, 6) E' P E */
 } LowInterval;
 
 typedef struct {
@@ -310,6 +310,10 @@ void current_errors_set_powers(Scaled *scaled);
 /* The gain of the gauges in use, and what errors in common make of it and of Y: where the lost gauges or the ratio change,
    after lost_rows_prepare. */
 void current_errors_take_lost(Scaled *scaled);
+
+/* k_vp of one common error from its loads (6, loads) by the gain, E_a' G', and E_a' P E_b (6, 6): G E_a (E_b' G') symmetrised
+   for the covariance, each twice for a < b; added to `value` (16 and other loads, 21). */
+void add_common_error(size_t loads, const double *load, const double *square, double *value);
 
 /* The covariance (5, 5) of the loads, with them added to `base`; the trace of P D at a ratio of 1. */
 double current_errors_add(Scaled *scaled, const double *base, double *covariance);
