@@ -115,6 +115,10 @@ FROZEN = (
         *("fd64", 9_510_652, "behind a recording, whose readings were others"),
         [Act("freeze", 72, 108, 0.5), Act("large step ahead", 66, 119, 0.45), Act("recording", 60, 74, 0.48)],
     ),
+    (
+        *("classic-le", 9_720_100, "whose clock is set ahead by less than a cycle: it is no older than by ours"),
+        [Act("small step ahead", 76, 128, 0.621), Act("freeze", 75, 130, 0.325)],
+    ),
 )
 
 

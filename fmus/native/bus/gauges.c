@@ -181,14 +181,15 @@ static int are_dead(const SbPlan *p, const SbState *s, double now) {
     return stated_pressure(p, s, now) > 0.0 && (largest > p->zero_jump || changes == 0.0);
 }
 
-/* The time since the last change [s]: by the sample times, where they agree with ours to a cycle. */
-static double unchanged_for(const SbPlan *p, const SbState *s, int64_t ticks) {
+/* The time since the last change [s], at least and at most: by our clock and by the sample times, where they agree to a cycle.
+   Frames may have been held back meanwhile, or the sender's clock set. */
+static void unchanged_for(const SbPlan *p, const SbState *s, int64_t ticks, double *least, double *most) {
     const double since = s->first - s->changed_at;
-    if (ticks < 0 || s->changed_ticks < 0) {
-        return since;
-    }
-    const double by_clock = p->tick * (double)ticks_ahead(ticks, s->changed_ticks, p->bits);
-    return fabs(by_clock - since) < p->cycle ? by_clock : since;
+    const int is_dated = ticks >= 0 && s->changed_ticks >= 0;
+    const double by_clock = is_dated ? p->tick * (double)ticks_ahead(ticks, s->changed_ticks, p->bits) : since;
+    const double other = fabs(by_clock - since) < p->cycle ? by_clock : since;
+    *least = smaller(since, other);
+    *most = larger(since, other);
 }
 
 /* What a cycle's readings show together. */
@@ -241,12 +242,17 @@ static int state_reasons(const SbPlan *p, SbState *s, int is_dead) {
     return n_used;
 }
 
-/* For how long no gauge has changed where noise does not allow that, else 0 [s]; `doubted` where it hardly does. */
+/* For how long no gauge has changed, at least, where noise does not allow that, else 0 [s]; `doubted`: and at most beyond it,
+   or where noise hardly does. */
 static void find_repeats(const SbPlan *p, SbState *s, const Readings *all, int64_t ticks, double *repeated, double *doubted) {
     const int is_read = all->shortest < INT32_MAX, is_repeated = is_read && all->shortest > 0;
-    const double since = is_repeated ? unchanged_for(p, s, ticks) : 0.0, chance = all->shortest * all->log_repeat;
-    *repeated = chance < LN_CHANCE ? since : 0.0;
-    *doubted = chance < LN_DOUBT && chance >= LN_CHANCE ? since : 0.0;
+    const double chance = all->shortest * all->log_repeat;
+    double least = 0.0, most = 0.0;
+    if (is_repeated) {
+        unchanged_for(p, s, ticks, &least, &most);
+    }
+    *repeated = chance < LN_CHANCE ? least : 0.0;
+    *doubted = chance < LN_DOUBT ? most - *repeated : 0.0;
     s->all_repeat = is_repeated && chance < LN_DOUBT;
     if (is_read && !is_repeated) {
         s->changed_at = s->first;
