@@ -59,7 +59,7 @@ def inverse_map_of(
         vehicle=vehicle.name,
         case=problem.entry.case,
         **_rows(gauges, problem.sensors),
-        noise_std=np.linalg.norm(problem.noise[0].columns, axis=1),
+        noise_std=np.sqrt(problem.noise[0].variance),
         state_operator=solved.state_operator,
         regularisation=solved.regularisation,
         load_per_state=load_per_state,
@@ -112,7 +112,7 @@ def _errors(problem: Problem, solution: Solution) -> dict[str, Any]:
     common = [term for term in terms if term.scales and not term.is_own]
     n_gauges, n_loads = len(problem.strain_operator), len(problem.load_operator)
     columns = [np.zeros((n_gauges + n_loads, 0)), *(term.strain_and_load(n_loads) for term in common)]
-    strain, load = np.split(fewest_columns(np.hstack(columns), problem.noise[0].covariance), [n_gauges])
+    strain, load = np.split(fewest_columns(columns, problem.noise[0].variance), [n_gauges])
     return {
         "gauge_covariance": fixed_covariance(terms),
         "own_error_strain": np.sqrt(np.sum(squares, axis=0)) if squares else np.zeros(0),
@@ -122,17 +122,17 @@ def _errors(problem: Problem, solution: Solution) -> dict[str, Any]:
     }
 
 
-def fewest_columns(columns: FloatArray, noise: FloatArray) -> FloatArray:
-    """Return (n_d + n_f, k) columns with the covariance of ``columns`` (n_d + n_f, m).
+def fewest_columns(blocks: Sequence[FloatArray], variance: FloatArray) -> FloatArray:
+    """Return (n_d + n_f, k) columns with the covariance of all ``blocks`` (n_d + n_f, m) of columns.
 
-    What a column more would add is, of all gauges together, at most :data:`LEAST_COLUMN` of their ``noise``
-    (n_d, n_d), and of each load as much of its standard deviation; of more gauges than linear estimators take by
-    full matrices :data:`LEAST_OF_MANY`, so that the number of columns does not grow with the gauges.
+    What a column more would add is, of all gauges together, at most :data:`LEAST_COLUMN` of their noise of
+    ``variance`` (n_d,), and of each load as much of its standard deviation; of more gauges than linear estimators
+    take by full matrices :data:`LEAST_OF_MANY`, so that the number of columns does not grow with the gauges.
     """
-    least = LEAST_COLUMN if len(noise) <= DENSE_GAUGES else LEAST_OF_MANY
-    of_load = np.linalg.norm(columns[len(noise) :], axis=1)
-    size = np.concatenate([np.sqrt(np.diag(noise)), np.where(of_load > 0.0, of_load, 1.0)])[:, None]
-    return size * principal_columns(columns / size, least)
+    least = LEAST_COLUMN if len(variance) <= DENSE_GAUGES else LEAST_OF_MANY
+    of_load = np.sqrt(sum(np.sum(block[len(variance) :] ** 2, axis=1) for block in blocks))
+    size = np.concatenate([np.sqrt(variance), np.where(of_load > 0.0, of_load, 1.0)])[:, None]
+    return size * principal_columns([block / size for block in blocks], least)
 
 
 def _parts_that_follow(problem: Problem, coefficients: FloatArray) -> dict[str, Any]:

@@ -32,6 +32,9 @@ if fewer."""
 MIN_ROLLS = 12
 """Fewer roll angles than this, 30 degrees apart, leave gaps in the disc of total incidence."""
 
+ROWS_AT_ONCE = 64
+"""Rows of an operator, or gauges, whose response stays in the cache."""
+
 _NO_HARMONIC = 1e-15
 """Part of the largest harmonic of an operator below which one is rounding."""
 
@@ -109,33 +112,56 @@ class Ensemble:
         """Return (n, m) ``operator`` (m, n_p) times the pressure less ``fixed_pressure`` of every member."""
         if self.grid is None:
             return self.pressure @ operator.T - self.fixed_pressure * operator.sum(axis=1)
-        return self.of_spectrum(np.fft.rfft(operator.reshape(len(operator), -1, self.grid.n_roll), axis=2))
+        responses = np.empty((len(self.member_weight), len(operator)))
+        for first in range(0, len(operator), ROWS_AT_ONCE):
+            some = slice(first, first + ROWS_AT_ONCE)
+            rings = operator[some].reshape(-1, len(self.grid.x), self.grid.n_roll)
+            spectrum = np.moveaxis(np.fft.rfft(rings, axis=2), 2, 0)  # n_m, some, n_x
+            largest = np.abs(spectrum).max(axis=(1, 2))
+            n_m = 1 + np.flatnonzero(largest >= _NO_HARMONIC * largest.max())[-1]
+            amplitudes = np.conj(spectrum[:n_m]) @ self.harmonics[:n_m].transpose(0, 2, 1)
+            responses[:, some] = self.of_amplitudes(amplitudes.transpose(1, 2, 0))
+        return responses
 
-    def of_spectrum(self, spectrum: ComplexArray) -> FloatArray:
-        """Return :meth:`responses` of a rolled ensemble by an operator's harmonics round the body (m, n_x, n_m).
+    def of_amplitudes(self, amplitudes: ComplexArray) -> FloatArray:
+        """Return (n, m) the responses of the members of a rolled ensemble, from those of the flows.
 
-        To roll a flow turns the phase of each.
+        ``amplitudes`` (m, N, n_m) are sums over the stations of :attr:`harmonics` times the conjugate harmonics of
+        an operator. To roll a flow turns the phase of each.
         """
         assert self.grid is not None
-        n_roll, size = self.grid.n_roll, (len(self.pressure), len(spectrum))
-        offset = self.fixed_pressure * spectrum[:, :, 0].real.sum(axis=1)
-        largest = np.abs(spectrum).max(axis=(0, 1))
-        m = np.flatnonzero(largest > _NO_HARMONIC * largest.max(initial=0.0))
-        product = np.empty((2, len(m), *size))
-        for k, of_flow in enumerate(self._spectrum[m]):
-            amplitude = of_flow @ np.conj(spectrum[:, :, m[k]]).T
-            product[:, k] = amplitude.real, amplitude.imag
+        n_roll, m = self.grid.n_roll, np.arange(amplitudes.shape[2])
         weight = np.where((m == 0) | (2 * m == n_roll), 1.0, 2.0) / n_roll
         phase = 2.0 * np.pi * np.outer(np.arange(self.rolls) * (n_roll // self.rolls), m) / n_roll
         turns = np.hstack([weight * np.cos(phase), weight * np.sin(phase)])
-        return (turns @ product.reshape(2 * len(m), -1)).reshape(-1, size[1]) - offset
+        by_harmonic = amplitudes.transpose(2, 1, 0)
+        parts = np.concatenate([by_harmonic.real, by_harmonic.imag])
+        return (turns @ parts.reshape(len(parts), -1)).reshape(-1, len(amplitudes))
 
     @cached_property
-    def _spectrum(self) -> ComplexArray:
-        """(n_m, N, n_x) the flows' harmonics round the body."""
+    def harmonics(self) -> ComplexArray:
+        """(n_m, N, n_x) the flows' harmonics round the body, of the pressure less ``fixed_pressure`` [Pa]."""
         assert self.grid is not None
-        rings = self.pressure.reshape(len(self.pressure), -1, self.grid.n_roll)
+        rings = (self.pressure - self.fixed_pressure).reshape(len(self.pressure), -1, self.grid.n_roll)
         return np.ascontiguousarray(np.moveaxis(np.fft.rfft(rings, axis=2), 2, 0))
+
+    def columns_by_harmonic(self, responses: FloatArray) -> list[FloatArray]:
+        """Return blocks of columns (m, k), whose covariances add up to the mean one of ``responses`` (n, m).
+
+        As listed they are the responses themselves. Over the roll angles of a flow, harmonics do not correlate:
+        each is a block, of its real and its imaginary part (Parseval), and of few significant columns.
+        """
+        if self.grid is None:
+            return [(responses * np.sqrt(self.member_weight)[:, None]).T]
+        n = len(self.pressure)
+        root = np.sqrt(self.rolls * self.member_weight[:n])[:, None]
+        spectrum = np.fft.rfft(responses.reshape(self.rolls, n, -1), axis=0, norm="forward")
+        blocks = []
+        for harmonic, of_flow in enumerate(spectrum * root):
+            alone = 2 * harmonic in (0, self.rolls)
+            parts = [of_flow.real] if alone else [np.sqrt(2.0) * of_flow.real, np.sqrt(2.0) * of_flow.imag]
+            blocks.append(np.concatenate(parts).T)
+        return blocks
 
     def coefficients(self, loads: FloatArray) -> FloatArray:
         """Return (n, 5) coefficients of every member; ``loads`` is the load operator (5, n_p)."""

@@ -21,7 +21,7 @@ from builder.aero.surface.mesh import mesh_of
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.modes.ensemble import Ensemble
 from builder.inverse.noise.flows_between import SolvedFlows
-from builder.inverse.noise.model import FAINT_COLUMN, NoiseTerm, pressure_errors, principal_columns
+from builder.inverse.noise.model import FAINT_COLUMN, NoiseTerm, pressure_errors, principal_columns, size_of
 from builder.vehicle.map.model_form import ModelForm
 from builder.vehicle.model_entries import Aerodynamics
 from strainfmu.arrays import FloatArray
@@ -112,15 +112,10 @@ def flow_model_errors(
         off = sizes.of_newtonian * (newtonian.pressure - ensemble.pressure)
         difference = replace(ensemble, pressure=off, fixed_pressure=0.0)
         members = difference.responses(np.vstack([strain, load]))
-        columns = (np.sqrt(difference.member_weight)[:, None] * members).T
-        rows = _rows(columns)
-        least = FAINT_COLUMN * float(np.linalg.norm(columns / rows))
-        of_strain, of_load = np.split(rows * principal_columns(columns / rows, least), [len(strain)])
+        rows = np.sqrt(difference.member_weight @ members**2)
+        rows[rows == 0.0] = 1.0  # rows of unlike units cost no digits
+        blocks = difference.columns_by_harmonic(members / rows)
+        columns = rows[:, None] * principal_columns(blocks, FAINT_COLUMN * size_of(blocks))
+        of_strain, of_load = np.split(columns, [len(strain)])
         terms.append(NoiseTerm(FLOW_MODELS, of_strain, of_load, scales=True))
     return tuple(terms)
-
-
-def _rows(columns: FloatArray) -> FloatArray:
-    """Return the size (m, 1) of each row, 1 where it is 0: rows of unlike units cost no digits."""
-    size = np.linalg.norm(columns, axis=1, keepdims=True)
-    return np.where(size > 0.0, size, 1.0)

@@ -21,7 +21,7 @@ from typing import Any, cast
 import numpy as np
 
 from builder.aero.surface.mesh import grid_of
-from builder.inverse.modes.ensemble import Ensemble
+from builder.inverse.modes.ensemble import ROWS_AT_ONCE, Ensemble
 from builder.inverse.noise.model import NoiseTerm, common_error, gauge_errors, nuisance_modes
 from builder.structure.as_built.as_built_vehicle import (
     AsBuilt,
@@ -32,7 +32,7 @@ from builder.structure.as_built.as_built_vehicle import (
     stated_keys,
 )
 from builder.structure.as_built.displaced_structure import KNOWN, DisplacedGauges, ways_of
-from builder.structure.as_built.revolved import SOLVED, RevolvedStructure, revolved_structure
+from builder.structure.as_built.revolved import SOLVED, RevolvedStructure, revolved_structure, table_under
 from builder.structure.as_built.wall_regions import counts_in_flight
 from builder.structure.as_built_kinds import BY_REGION, KINDS
 from builder.structure.fourier.fourier_model import StructuralModel, structural_model_on
@@ -49,9 +49,6 @@ WALL_STEP = 0.01
 """Step of the wall's thickness, relative to it."""
 
 GAINS = ("gauge_gain", "common_gain")
-
-GAUGES_AT_ONCE = 64
-"""Gauges whose response stays in the cache."""
 
 
 def strain_derivatives(
@@ -228,16 +225,22 @@ def hardware_errors(
 
 
 def _by_harmonics(model: RevolvedStructure, keys: Collection[Key], ensemble: Ensemble) -> dict[Key, FloatArray]:
-    """Return (n, n_d) the strain at the members of ``ensemble`` by each of ``keys``, some gauges at a time."""
+    """Return (n, n_d) the strain at the members of ``ensemble`` by each of ``keys``.
+
+    The flows act at the stations of the gauges first, for all gauges there. What a gauge makes of the amplitudes
+    follows some gauges at a time, those of a station together.
+    """
+    pressure = np.moveaxis(ensemble.harmonics[: model.n_harmonics], 0, 2)  # N, n_x, n_m
+    under_flows = replace(model, table=table_under(model.table, pressure))
     n_d = len(model.names)
     strain = {key: np.empty((len(ensemble.member_weight), n_d)) for key in keys}
-    for first in range(0, n_d, GAUGES_AT_ONCE):
-        some = slice(first, first + GAUGES_AT_ONCE)
-        part = model.some(some)
-        spectrum = cast(Any, part.strain_spectrum)  # complex: derivatives are of any numbers
-        derivatives: dict[Key, Any] = {**parameter_derivatives(spectrum, as_drawn(part.counts), list(keys))}
+    by_station = np.argsort(model.on_wall.station, kind="stable")
+    for some in np.array_split(by_station, 1 + n_d // ROWS_AT_ONCE):
+        part = under_flows.some(some)
+        amplitudes = cast(Any, part.strain_amplitudes)  # complex: derivatives are of any numbers
+        derivatives: dict[Key, Any] = {**parameter_derivatives(amplitudes, as_drawn(part.counts), list(keys))}
         for key, derivative in derivatives.items():
-            strain[key][:, some] = ensemble.of_spectrum(derivative)
+            strain[key][:, some] = ensemble.of_amplitudes(derivative)
     return strain
 
 
@@ -261,8 +264,10 @@ def error_terms(errors: list[HardwareError], ensemble: Ensemble) -> list[NoiseTe
     """Return the noise terms of ``errors``, averaged over the ensemble; errors of one name are one term."""
     terms: dict[str, NoiseTerm] = {}
     for error in errors:
-        term = common_error if error.common else gauge_errors
-        error_term = term(error.name, error.strain, 1.0, ensemble.member_weight)
+        if error.common:
+            error_term = common_error(error.name, ensemble.columns_by_harmonic(error.strain))
+        else:
+            error_term = gauge_errors(error.name, error.strain, 1.0, ensemble.member_weight)
         if error.name in terms:
             error_term = replace(error_term, strain=np.hstack([terms[error.name].columns, error_term.columns]))
         terms[error.name] = replace(error_term, hardware=not error.of_mesh)

@@ -7,7 +7,7 @@ and Computational Inverse Problems, 2005, section 5.8).
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -49,6 +49,11 @@ class NoiseTerm:
     def columns(self) -> FloatArray:
         """(n_d, k) columns of strain, of errors of each gauge too [m/m]."""
         return np.diag(self.strain) if self.is_own else self.strain
+
+    @property
+    def variance(self) -> FloatArray:
+        """(n_d,) of the strain [(m/m)^2]."""
+        return self.strain**2 if self.is_own else np.sum(self.strain**2, axis=1)
 
     @property
     def covariance(self) -> FloatArray:
@@ -98,8 +103,9 @@ class NoiseModel:
         if not self.terms[0].is_own:
             return None
         own = np.sum([term.strain**2 for term in self.terms if term.is_own], axis=0)
-        columns = [np.zeros((len(own), 0)), *(term.strain for term in self.terms if not term.is_own)]
-        return own, principal_columns(np.hstack(columns) / np.sqrt(own)[:, None], UNSEEN)
+        root = np.sqrt(own)[:, None]
+        common = [term.strain / root for term in self.terms if not term.is_own]
+        return own, principal_columns([np.zeros((len(own), 0)), *common], UNSEEN)
 
     @cached_property
     def covariance(self) -> FloatArray:
@@ -246,43 +252,36 @@ def gauge_errors(name: str, sensitivity: FloatArray, std: float, weight: FloatAr
     return replace(_finite_term(name, rms, std), scales=True, hardware=True)
 
 
-def common_error(name: str, sensitivity: FloatArray, std: float, weight: FloatArray) -> NoiseTerm:
+def common_error(name: str, blocks: Sequence[FloatArray]) -> NoiseTerm:
     """Return the term of one error that all gauges have in common, such as an error of the wall's thickness.
 
-    Its covariance is the mean of s_j s_j' over the flights j; parameters as in :func:`gauge_errors`.
+    Its covariance is the mean of s s' over the strains s of many flights, the sum of the covariances of ``blocks``
+    (n_d, k) of columns [m/m].
     """
-    samples = sensitivity.T * np.sqrt(weight)
-    columns = principal_columns(samples, FAINT_COLUMN * float(np.linalg.norm(samples)))
-    return replace(nuisance_modes(name, columns, np.full(columns.shape[1], std)), scales=True, hardware=True)
+    columns = principal_columns(blocks, FAINT_COLUMN * size_of(blocks))
+    return replace(nuisance_modes(name, columns, np.ones(columns.shape[1])), scales=True, hardware=True)
 
 
 FAINT_COLUMN = 5e-7
-"""Size, over all of a matrix, of a column that errors in many flows do without."""
-
-DIRECT, SAMPLED = 600, 450
-"""Rows or columns up to which a matrix is decomposed as it is; of a larger one, columns of the first sample."""
+"""Size, over all of its columns, of a column that errors in many flows do without."""
 
 
-def principal_columns(columns: FloatArray, least: float) -> FloatArray:
-    """Return (m, k) orthogonal columns with the covariance of ``columns`` (m, n), but for those up to ``least``.
+def size_of(blocks: Sequence[FloatArray]) -> float:
+    """Return the size of all columns of ``blocks`` together, the root of their sum of squares."""
+    return float(np.sqrt(sum(np.sum(block**2) for block in blocks)))
 
-    The range of a large matrix is found from random combinations of its columns, so many that the smallest is
-    below the limit (Halko, Martinsson and Tropp, SIAM Review 53, 2011).
+
+def principal_columns(blocks: Sequence[FloatArray], least: float) -> FloatArray:
+    """Return (m, k) orthogonal columns whose covariance is the sum of the covariances of ``blocks`` (m, n) of
+    columns, but for columns up to ``least``.
+
+    Of a block few columns are significant: it is reduced to them by itself first, at a tenth of the limit.
     """
-    size, sampled, random = min(columns.shape), SAMPLED, np.random.default_rng(1)
-    while size > DIRECT and sampled < size:
-        basis = np.linalg.qr(columns @ random.standard_normal((columns.shape[1], sampled)))[0]
-        part = _left_factor(np.asarray(np.linalg.qr((basis.T @ columns).T, mode="r")).T)
-        if np.linalg.norm(part[:, -1]) <= least:
-            part = basis @ part
-            break
-        sampled *= 2
-    else:
-        part = _left_factor(columns)
-    return np.asarray(part[:, np.linalg.norm(part, axis=0) > least])
+    return _left_factor(np.hstack([_left_factor(block, 0.1 * least) for block in blocks]), least)
 
 
-def _left_factor(columns: FloatArray) -> FloatArray:
-    """Return U S (m, k) of ``columns`` (m, n) = U S V', sizes falling."""
+def _left_factor(columns: FloatArray, least: float) -> FloatArray:
+    """Return U S (m, k) of ``columns`` (m, n) = U S V', the sizes above ``least``, falling."""
     basis, size, _ = np.linalg.svd(columns, full_matrices=False)
-    return np.asarray(basis * size)
+    significant = size > least
+    return np.asarray(basis[:, significant] * size[significant])

@@ -377,9 +377,8 @@ def joined_terms(
     for term in remaining:
         if term.name in of_both:
             strain = np.hstack([of_both[term.name], ensemble.responses(sensors.shared[term.name])])
-            joined.append(
-                replace(common_error(term.name, strain, 1.0, ensemble.member_weight), hardware=term.hardware)
-            )
+            both = common_error(term.name, ensemble.columns_by_harmonic(strain))
+            joined.append(replace(both, hardware=term.hardware))
             continue
         padded_term = term.padded(0, n_s)
         if term.name == "internal pressure":

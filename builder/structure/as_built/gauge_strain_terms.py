@@ -85,7 +85,7 @@ class WallGauges:
     row: IntArray
     station: IntArray
 
-    def some(self, gauges: slice) -> WallGauges:
+    def some(self, gauges: slice | IntArray) -> WallGauges:
         """Return some of the ``gauges``."""
         placed = PlacedGauges(**{name: value[gauges] for name, value in vars(self.placed).items()})
         return WallGauges(

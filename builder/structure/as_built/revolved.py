@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -39,7 +40,7 @@ from builder.structure.fourier.strain_operator import (
 )
 from builder.vehicle.file import Vehicle
 from builder.vehicle.shape.geometry import SurfaceGrid
-from strainfmu.arrays import ComplexArray, FloatArray
+from strainfmu.arrays import ComplexArray, FloatArray, IntArray
 from strainfmu.errors import InputError
 
 CLAMP_STEP, RIGID = 2e-3, 1e-7
@@ -117,22 +118,23 @@ class RevolvedStructure:
         """Return Z_p (n_d, n_p) [1/Pa] of one vehicle: reading per pressure at every node of ``surface``."""
         return operator_of(self.parts(as_built), as_built, self.surface)
 
-    def strain_spectrum(self, as_built: AsBuilt) -> ComplexArray:
-        """Return (n_d, n_x, n_m) the harmonics of :meth:`strain_operator` round the body [1/Pa]."""
+    def strain_amplitudes(self, as_built: AsBuilt) -> ComplexArray:
+        """Return (n_d, k, n_m) the harmonics round the body of the strain at each gauge, under each of the k
+        pressures of :attr:`table`: sum over m of Re(a_m e^(-i m psi)) where the pressure is rolled by psi."""
         gauges, harmonic = self.parts(as_built), np.arange(self.n_harmonics)[:, None]
         size = gain_of(as_built) / (1.0 + as_built.youngs_modulus)
-        spectrum = (gauges.even + 1j * gauges.odd) * (size * np.exp(-1j * harmonic * gauges.roll_angle))
-        return np.asarray(spectrum.transpose(2, 0, 1))
+        amplitudes = (gauges.even - 1j * gauges.odd) * (size * np.exp(1j * harmonic * gauges.roll_angle))
+        return np.asarray(amplitudes.transpose(2, 0, 1))
 
-    def some(self, gauges: slice) -> RevolvedStructure:
-        """Return the structure with some of the ``gauges``."""
-        names, on_wall = self.names[gauges], self.on_wall.some(gauges)
+    def some(self, gauges: IntArray) -> RevolvedStructure:
+        """Return the structure with some of the ``gauges``, by their numbers."""
+        on_wall = self.on_wall.some(gauges)
         stations, station = np.unique(on_wall.station, return_inverse=True)
         return replace(
             self,
-            names=names,
+            names=tuple(self.names[gauge] for gauge in gauges),
             on_wall=replace(on_wall, station=station),
-            counts=self.counts._replace(gauge=len(names)),
+            counts=self.counts._replace(gauge=len(gauges)),
             table=changed_alike(self.table, lambda strain: strain[..., stations, :]),
         )
 
@@ -253,6 +255,23 @@ def _with_regions(table: ResponseTable, by_region: AsBuiltStructure, with_taper:
         wall=np.concatenate([table.wall, solved.wall[n_r:]]),
         wall_twice=np.concatenate([table.wall_twice, solved.wall_twice[n_r:]]),
     )
+
+
+def table_under(table: ResponseTable, pressure: FloatArray | ComplexArray) -> ResponseTable:
+    """Return ``table`` under pressures (k, n_x, n_m), which lead instead of the stations.
+
+    Of each harmonic m the pressures at the stations times the amplitudes per pressure there are one product. The
+    phase of a pressure round the body makes the table complex.
+    """
+    k, _, n_m = pressure.shape
+    of_harmonic = np.moveaxis(pressure, 2, 0)  # n_m, k, n_x
+
+    def under(responses: FloatArray) -> Any:
+        lead, (n_x, _, n_s, n_c) = responses.shape[:-4], responses.shape[-4:]
+        by_station = np.moveaxis(responses[..., :n_m, :, :], -3, -4).reshape(*lead, n_m, n_x, n_s * n_c)
+        return np.moveaxis((of_harmonic @ by_station).reshape(*lead, n_m, k, n_s, n_c), -4, -3)
+
+    return changed_alike(table, under)
 
 
 def amplitudes(response: HarmonicResponse) -> FloatArray:

@@ -104,6 +104,7 @@ def _hat_functions(
 
 SAME_STATION = 1e-9  # m
 STATIONS_AT_ONCE = 100
+READINGS_AT_ONCE = 64
 
 
 @dataclass(frozen=True)
@@ -359,11 +360,19 @@ def operator_in_roll(even: FloatArray, odd: FloatArray, roll_angle: FloatArray, 
     if top > n_roll // 2:
         raise InputError(f"max_harmonic {top} needs at least {2 * top} roll angles, the grid has {n_roll}")
     m = np.arange(top + 1)
-    weight = np.where((m == 0) | (2 * m == n_roll), 1.0, 2.0)[:, None] / n_roll
-    phase = m[:, None] * (roll_angle[:, None, None] - grid.roll_angle)
+    weight = np.where((m == 0) | (2 * m == n_roll), 1.0, 2.0) / n_roll
+    # cos m(phi - psi) and sin m(phi - psi) by cosine and sine of m psi at the nodes, which all readings share.
     # At the Nyquist harmonic sin(m phi) vanishes on every node, so the rolled sine part is zero by itself.
-    z = even.transpose(0, 2, 1) @ (weight * np.cos(phase)) + odd.transpose(0, 2, 1) @ (weight * np.sin(phase))
-    return np.asarray(z.reshape(len(roll_angle), grid.n_nodes))
+    node = np.outer(m, grid.roll_angle)
+    waves = np.concatenate([weight[:, None] * np.cos(node), weight[:, None] * np.sin(node)])
+    z = np.empty((len(roll_angle), len(grid.x), n_roll))
+    for first in range(0, len(z), READINGS_AT_ONCE):
+        some = slice(first, first + READINGS_AT_ONCE)
+        phase = m[:, None] * roll_angle[some, None, None]
+        cosine, sine = np.cos(phase), np.sin(phase)
+        along, across = even[some] * cosine + odd[some] * sine, even[some] * sine - odd[some] * cosine
+        z[some] = np.concatenate([along, across], axis=1).transpose(0, 2, 1) @ waves
+    return z.reshape(len(roll_angle), grid.n_nodes)
 
 
 def station_index(station_x: FloatArray, x: FloatArray) -> NDArray[np.intp]:

@@ -23,7 +23,13 @@ from builder.structure.as_built.as_built_vehicle import AsBuilt
 from builder.structure.as_built.gauge_strain_terms import FlightGauges, gain_of
 from builder.structure.as_built.reading_slopes import CLAMP
 from builder.structure.as_built.response_tables import ResponseTable
-from builder.structure.as_built.revolved import SOLVED, RevolvedStructure, changed_alike, revolved_structure
+from builder.structure.as_built.revolved import (
+    SOLVED,
+    RevolvedStructure,
+    changed_alike,
+    revolved_structure,
+    table_under,
+)
 from builder.structure.as_built.wall_changes import WAVES
 from builder.structure.as_built_kinds import IN_NOISE
 from builder.structure.fourier.fourier_model import place_layouts
@@ -228,22 +234,11 @@ def flights_of_flows(
     return TrueFlights(
         structure=structure,
         counts=structure.counts,
-        table=changed_alike(_under(structure, flows), summed),
-        uniform=_under(structure, everywhere),
+        table=changed_alike(table_under(structure.table, flows), summed),
+        uniform=table_under(structure.table, everywhere),
         coefficients=five * coefficient_scales_at(conditions, reference),
         **pressures,
     )
-
-
-def _under(structure: TrueStructure, pressure: FloatArray) -> ResponseTable:
-    """Return the table under pressures (k, n_x, n_m)."""
-    n_m = pressure.shape[-1]
-
-    def of_each(responses: FloatArray) -> FloatArray:
-        under: FloatArray = np.einsum("...xmsc,kxm->...kmsc", responses[..., :n_m, :, :], pressure, optimize=True)
-        return under
-
-    return changed_alike(structure.table, of_each)
 
 
 def loads_per_pressure(vehicle: Vehicle, surface: SurfaceGrid, harmonic: FloatArray) -> FloatArray:
