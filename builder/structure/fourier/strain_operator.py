@@ -103,7 +103,6 @@ def _hat_functions(
 
 
 SAME_STATION = 1e-9  # m
-STATIONS_AT_ONCE = 100
 READINGS_AT_ONCE = 64
 
 
@@ -167,17 +166,30 @@ def strain_rows(mesh: MeridianMesh, x: FloatArray, harmonic: int) -> FloatArray:
 
 def strain_rows_at(point: SurfacePoints, n_nodes: int, harmonic: int) -> FloatArray:
     """Return the same at points of the inner surface of a mesh of ``n_nodes`` nodes."""
+    n = len(point.radius)
+    rows = np.zeros((n, 3, n_nodes, 3))
+    rows[np.arange(n)[:, None], :, point.node] = _strain_of_nodes(point, harmonic)
+    return rows.reshape(n, 3, 3 * n_nodes)
+
+
+def _strain_of_nodes(point: SurfacePoints, harmonic: int) -> FloatArray:
+    """Return (n, nodes, 3 strains, 3 displacements) [1/m] of the nodes of the edge that each point is on."""
     t_x, t_r = point.tangent.T[:, :, None]
     by_s, over_r = point.slope, point.value / point.radius[:, None]
-    local = np.zeros((*point.node.shape, 3, 3))  # station, node, strain, displacement component
+    local = np.zeros((*point.node.shape, 3, 3))
     local[:, :, 0, 0], local[:, :, 0, 1] = by_s * t_x, by_s * t_r
     local[:, :, 1, 1], local[:, :, 1, 2] = over_r, harmonic * over_r
     local[:, :, 2, 0], local[:, :, 2, 1] = -0.5 * harmonic * over_r * t_x, -0.5 * harmonic * over_r * t_r
     local[:, :, 2, 2] = 0.5 * (by_s - over_r * t_r)
-    n = len(point.radius)
-    rows = np.zeros((n, 3, n_nodes, 3))
-    rows[np.arange(n)[:, None], :, point.node] = local
-    return rows.reshape(n, 3, 3 * n_nodes)
+    return local
+
+
+def strain_of_displacements(mesh: MeridianMesh, x: FloatArray, harmonic: int, moved: FloatArray) -> FloatArray:
+    """Return (n, 3, k) the strains of :func:`strain_rows` at stations ``x`` (n,) of displacements (n_dof, k)."""
+    point = inner_surface_points(mesh, x)
+    of_nodes = _strain_of_nodes(point, harmonic).transpose(0, 2, 1, 3).reshape(len(x), 3, -1)
+    at_nodes = moved.reshape(len(mesh.node), 3, -1)[point.node]  # n, nodes, 3 displacements, k
+    return np.asarray(of_nodes @ at_nodes.reshape(len(x), of_nodes.shape[2], -1))
 
 
 def harmonic_response(
@@ -274,8 +286,7 @@ def response_to_fields(
         if not fields[m].any():
             return np.zeros((len(gauge_x), 3, fields[m].shape[1]))
         moved = _solver(mesh, stiffness, m).solve(np.asarray(load @ fields[m]))
-        blocks = np.array_split(gauge_x, 1 + len(gauge_x) // STATIONS_AT_ONCE)
-        return np.concatenate([strain_rows(mesh, x, m) @ moved for x in blocks if len(x)])
+        return strain_of_displacements(mesh, gauge_x, m, moved)
 
     return _each_harmonic(of_harmonic, len(fields), progress)
 
