@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from strainfmu.arrays import FloatArray, inverse_root
-from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.arrays import FloatArray, common_to_pairs, inverse_root
+from strainfmu.estimator.map.inverse_map import DENSE_GAUGES, InverseMap
 from strainfmu.estimator.reference.linear import models
 from strainfmu.estimator.reference.update import Model, joseph, model_of
 
@@ -30,6 +30,9 @@ def nominal(model: Model) -> Nominal:
     gives its root L T', and K' (1 + K K')^-1 as the first rows of Q times T'^-1, without K K'.
     """
     n, n_u = model.columns.shape
+    common = common_to_pairs(model.noise) if n > DENSE_GAUGES else None
+    if common is not None and common >= 0.0:
+        return _of_many_rows(model)
     inverse, scale = inverse_root(model.noise), np.abs(model.free).max(axis=0, initial=1e-300)
     q, t = np.linalg.qr(np.vstack([(inverse @ model.columns).T, np.eye(n)]))
     turned = np.linalg.inv(t)
@@ -40,6 +43,43 @@ def nominal(model: Model) -> Nominal:
     of_rows = model.output_columns @ q[:n_u] + model.cross.T @ inverse.T @ turned
     resolved = rest @ whitening
     return Nominal(gain=(of_free @ basis.T + of_rows @ rest) @ whitening, precision=resolved.T @ resolved)
+
+
+def _of_many_rows(model: Model) -> Nominal:
+    """Return :func:`nominal` of rows whose noise is independent, but for a part that all have in common.
+
+    With D the variances of errors of one row alone, and D^-1/2 C = U S V' of all other columns C, the whitening
+
+        W = (I - U (1 - (1 + S^2)^-1/2) U') D^-1/2
+
+    costs n k^2 instead of n^3.
+    """
+    n, columns = len(model.noise), model.columns
+    alone = (np.count_nonzero(columns, axis=0) == 1) & ~model.output_columns.any(axis=0)
+    common = model.noise[0, 1]
+    variance = np.diag(model.noise) - common + np.sum(columns[:, alone] ** 2, axis=1)
+    root = np.sqrt(variance)[:, None]
+    shared = np.hstack([np.full((n, 1), np.sqrt(common)), columns[:, ~alone]])
+    left, size, _ = np.linalg.svd(shared / root, full_matrices=False)
+    less = 1.0 - 1.0 / np.hypot(1.0, size)
+
+    def whitened(rows: FloatArray) -> FloatArray:
+        over_root = rows / root
+        return np.asarray(over_root - left @ (less[:, None] * (left.T @ over_root)))
+
+    def gain_by(whitened_rows: FloatArray) -> FloatArray:
+        """Return W' times rows (n, m)."""
+        return np.asarray((whitened_rows - left @ (less[:, None] * (left.T @ whitened_rows))) / root)
+
+    scale = np.abs(model.free).max(axis=0, initial=1e-300)
+    basis, triangle = np.linalg.qr(whitened(model.free / scale))
+    of_free = np.linalg.solve(triangle.T, (model.output_free / scale).T)
+    of_rows = whitened(columns[:, ~alone] @ model.output_columns[:, ~alone].T + model.cross)
+    of_rows -= basis @ (basis.T @ of_rows)
+    taken = np.hstack([left / root * (size / np.hypot(1.0, size)), gain_by(basis)])
+    precision = -taken @ taken.T
+    precision[np.diag_indices(n)] += 1.0 / variance
+    return Nominal(gain=gain_by(basis @ of_free + of_rows).T, precision=precision)
 
 
 def load_gain(inverse_map: InverseMap) -> FloatArray:

@@ -94,15 +94,22 @@ def excess_covariance(inverse_map: InverseMap, coefficients: FloatArray) -> Floa
     ``eq:proportional``: those at ``coefficients`` C (k, 5) less their mean over the snapshots, which the weights
     hold.
     """
-    of_gauge, common, mean = inverse_map.gauge_error_product, inverse_map.common_error, inverse_map.mean_product
+    of_each_gauge, products = excess_parts(inverse_map, coefficients)
+    common = inverse_map.common_error
+    shared = np.einsum("kab,tai,tbj->kij", products, common, common, optimize=True)
+    return np.asarray(shared + of_each_gauge[:, :, None] * np.eye(inverse_map.n_gauges))
+
+
+def excess_parts(inverse_map: InverseMap, coefficients: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return (k, n_d) what :func:`excess_covariance` has of the gauges' own errors, and (k, 6, 6) the products of
+    [1, C] less their mean, by which each common error counts."""
+    of_gauge, mean = inverse_map.gauge_error_product, inverse_map.mean_product
     c = np.hstack([np.ones((len(coefficients), 1)), coefficients])
-    products = c[:, :, None] * c[:, None, :]
     first, second = np.triu_indices(6)
     at_mean = np.zeros((6, 6))
     at_mean[first, second] = at_mean[second, first] = mean
-    of_each_gauge = (products - at_mean)[:, first, second] @ of_gauge  # of_gauge counts pairs a < b twice
-    shared = np.einsum("kab,tai,tbj->kij", products - at_mean, common, common, optimize=True)
-    return np.asarray(shared + of_each_gauge[:, :, None] * np.eye(inverse_map.n_gauges))
+    products = c[:, :, None] * c[:, None, :] - at_mean
+    return products[:, first, second] @ of_gauge, products  # of_gauge counts pairs a < b twice
 
 
 def _model(inverse_map: InverseMap) -> Model:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -18,12 +19,12 @@ from strainfmu.estimator.map.nonlinear_map import ManifoldMap
 from strainfmu.estimator.other_loads import FIVE_LOADS
 from strainfmu.estimator.reference.air import air_data_at
 from strainfmu.estimator.reference.gain import residual_precision
-from strainfmu.estimator.reference.linear import excess_covariance
+from strainfmu.estimator.reference.linear import excess_covariance, excess_parts
 from strainfmu.estimator.reference.nonlinear import strain_covariance
 from strainfmu.fmu.reference_run.flight_path import FlightPath
 
 _ROUND_OFF = 1e-9
-"""Variance, of the largest, below which it is round-off."""
+"""Variance, of the largest and the noise, below which it is round-off."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -35,10 +36,13 @@ class ReferenceFlight:
     strain : (n, n_d) rows of the map [m/m].
     loads : (n, 5) [N, N m].
     load_per_coefficient : (n, 5) q_inf S and q_inf S L [N, N m].
-    covariance : (n, n_d, n_d) of the errors of strain as the map states them [(m/m)^2].
+    covariance : (n, k, k) of the errors of strain that last, as the map states them, in ``basis`` [(m/m)^2].
     residual_precision : (n_d, n_d) of what the estimate leaves of the strain, amid the flight [1/(m/m)^2].
-    noise_std : (n_d,) of what differs from sample to sample, a part of them [m/m].
-    load_strain_covariance : (n, 5, n_d) of their loads with them, as with pressure that no state holds.
+    noise_std : (n_d,) of errors that differ from sample to sample [m/m].
+    load_strain_covariance : (n, 5, k) of the loads with the errors in ``basis``, as with pressure that no state
+        holds.
+    basis : (n_d, k) orthonormal strains; None for those of the single gauges.
+    own_std : (n, n_d) of more errors that last, of each gauge alone [m/m].
     air_data : (n,) true, by name of the output of the FMU.
     """
 
@@ -49,6 +53,8 @@ class ReferenceFlight:
     residual_precision: FloatArray
     noise_std: FloatArray
     load_strain_covariance: FloatArray
+    basis: FloatArray | None = None
+    own_std: FloatArray | float = 0.0
     air_data: Mapping[str, FloatArray] = field(default_factory=dict)
 
     def sample(self, seed: int) -> tuple[FloatArray, dict[str, FloatArray]]:
@@ -58,17 +64,22 @@ class ReferenceFlight:
         """
         random, (n, n_d) = np.random.Generator(np.random.PCG64(seed)), self.strain.shape
         lasting, noise = random.standard_normal(n_d), random.standard_normal((n, n_d))
-        values, vectors = np.linalg.eigh(self.covariance - np.diag(self.noise_std**2))
+        own = self.own_std * random.standard_normal(n_d)
+        if self.basis is not None:
+            lasting = self.basis.T @ lasting
+        values, vectors = np.linalg.eigh(self.covariance)
         values = np.maximum(values, 0.0)
-        above = values + _ROUND_OFF * np.max(np.diagonal(self.covariance, axis1=1, axis2=2), axis=1, keepdims=True)
+        largest = np.max(np.diagonal(self.covariance, axis1=1, axis2=2), axis=1, keepdims=True)
+        above = values + _ROUND_OFF * (largest + np.max(self.noise_std**2))
         # The symmetric root, without what is round-off in it, is the only one that every machine finds alike.
         along = values / np.sqrt(above) * np.einsum("kji,j->ki", vectors, lasting)
-        strain = np.einsum("kij,kj->ki", vectors, along)
+        errors = np.einsum("kij,kj->ki", vectors, along)
+        strain = errors if self.basis is None else errors @ self.basis.T
         weighted = along / above
         loads = np.einsum("kli,kij,kj->kl", self.load_strain_covariance, vectors, weighted, optimize=True)
         coefficients = (self.loads + loads) / self.load_per_coefficient
         truth = dict(zip(COEFFICIENT_NAMES, coefficients.T, strict=True))
-        return self.strain + strain + self.noise_std * noise, {**truth, **self.air_data}
+        return self.strain + strain + own + self.noise_std * noise, {**truth, **self.air_data}
 
 
 def white_noise(noise_std: FloatArray, covariance: FloatArray) -> FloatArray:
@@ -131,15 +142,54 @@ def flight_of_states(inverse_map: InverseMap, path: FlightPath) -> ReferenceFlig
     mean, per_state = inverse_map.load_of_mean[FIVE_LOADS], inverse_map.load_per_state[FIVE_LOADS]
     loads = f_0 + ratio * (mean - f_0 + states @ per_state.T)
     load_per_coefficient = path.dynamic_pressure[:, None] * inverse_map.references[FIVE_LOADS]
+    errors = _errors_by_columns if inverse_map.is_low_rank else _errors_of_gauges
     return ReferenceFlight(
         strain=strain,
         loads=loads,
         load_per_coefficient=load_per_coefficient,
-        covariance=error_covariance(inverse_map, loads / load_per_coefficient, ratio[:, 0]),
         residual_precision=residual_precision(inverse_map),
-        noise_std=white_noise(inverse_map.noise_std, inverse_map.gauge_covariance),
-        load_strain_covariance=ratio[:, :, None] ** 2 * inverse_map.strain_load_covariance[:, FIVE_LOADS].T,
+        **errors(inverse_map, loads / load_per_coefficient, ratio[:, 0]),
     )
+
+
+def _errors_of_gauges(inverse_map: InverseMap, coefficients: FloatArray, ratio: FloatArray) -> dict[str, Any]:
+    """Return the errors of a :class:`ReferenceFlight` by matrices of all gauges."""
+    noise_std = white_noise(inverse_map.noise_std, inverse_map.gauge_covariance)
+    loads = inverse_map.strain_load_covariance[:, FIVE_LOADS].T
+    return {
+        "covariance": error_covariance(inverse_map, coefficients, ratio) - np.diag(noise_std**2),
+        "noise_std": noise_std,
+        "load_strain_covariance": (ratio * ratio)[:, None, None] * loads,
+    }
+
+
+def _errors_by_columns(inverse_map: InverseMap, coefficients: FloatArray, ratio: FloatArray) -> dict[str, Any]:
+    """Return the same of many gauges: errors of each alone, and common ones in the basis of all their columns.
+
+    These are the error that does not scale, the columns N of the map, and six columns E of each error that follows
+    strain. With [1 N E] = Q T the covariance is Q T diag(c, s^2 1, s^2 P, ..) T' Q', with the products P of
+    [1, C] less their mean.
+    """
+    of_gauge, products = excess_parts(inverse_map, coefficients)
+    columns, following = inverse_map.error_strain, inverse_map.common_error
+    n_d, k = columns.shape
+    basis, triangle = np.linalg.qr(np.hstack([np.ones((n_d, 1)), columns, following.reshape(-1, n_d).T]))
+    square = (ratio * ratio)[:, None, None]
+    core = np.zeros((len(ratio), triangle.shape[1], triangle.shape[1]))
+    core[:, 0, 0] = inverse_map.common_variance
+    core[:, 1 : k + 1, 1 : k + 1] = square * np.eye(k)
+    for first in range(k + 1, core.shape[1], products.shape[1]):
+        some = slice(first, first + products.shape[1])
+        core[:, some, some] = square * products
+    white = np.minimum(inverse_map.gauge_variance, inverse_map.noise_std**2)
+    own = inverse_map.gauge_variance - white + square[:, 0] * (inverse_map.own_error_strain**2 + of_gauge)
+    return {
+        "covariance": triangle @ core @ triangle.T,
+        "basis": basis,
+        "own_std": np.sqrt(np.maximum(own, 0.0)),
+        "noise_std": np.sqrt(white),
+        "load_strain_covariance": square * (inverse_map.error_load[FIVE_LOADS] @ triangle[:, 1 : k + 1].T),
+    }
 
 
 def error_covariance(inverse_map: InverseMap, coefficients: FloatArray, ratio: FloatArray) -> FloatArray:
@@ -186,16 +236,16 @@ def flight_of_tables(inverse_map: InverseMap, path: FlightPath) -> ReferenceFlig
     value, jacobian = evaluate(manifold.tables, state)
     strain, loads = value[:, :n], value[:, n:]
     covariance = strain_covariance(manifold, manifold.gauge_covariance, state)
-    middle = len(state) // 2
+    middle, noise_std = len(state) // 2, white_noise(inverse_map.noise_std, manifold.gauge_covariance)
     square = (path.static_pressure**2)[:, None, None]
     air_data = dict(zip(AIR_DATA_NAMES, air_data_at(state).T, strict=True))
     return ReferenceFlight(
         strain=strain,
         loads=loads,
         load_per_coefficient=path.dynamic_pressure[:, None] * manifold.references,
-        covariance=covariance,
+        covariance=covariance - np.diag(noise_std**2),
         residual_precision=free_precision(covariance[middle], jacobian[middle, :n]),
-        noise_std=white_noise(inverse_map.noise_std, manifold.gauge_covariance),
+        noise_std=noise_std,
         load_strain_covariance=square * (manifold.error_load @ manifold.error_strain.T)[FIVE_LOADS],
         air_data={f"air_data.{name}": values for name, values in air_data.items()},
     )

@@ -17,6 +17,9 @@ from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import chi_square_limit, chi_square_survival
 from strainfmu.estimator.map import inverse_map as of_maps
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map
+from strainfmu.estimator.reference import gain as gain_module
+from strainfmu.estimator.reference.gain import nominal
+from strainfmu.estimator.reference.linear import models
 
 SMALL_KINDS = [name for name in KINDS if name.startswith(("case", "five", "zeros"))]
 """Kinds that may be computed by columns of errors."""
@@ -36,6 +39,21 @@ def test_few_gauges_by_columns_agree_with_the_reference(name: str) -> None:
     assert KINDS[name].make().is_low_rank
     apart = agreement(name, n=100, seed=3)
     assert not {quantity: value for quantity, value in apart.items() if quantity != "z" and value > 1e-8}
+
+
+@pytest.mark.fast
+@pytest.mark.parametrize("case", [1, 2])
+def test_gain_and_precision_by_columns_are_those_by_matrices(case: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """To 1e-9 of the largest entry, of each load and of each pair of gauges."""
+    model = models(whole_scaled_map(case, seed=4, n=60, n_states=4))[0]
+    full = nominal(model)
+    monkeypatch.setattr(gain_module, "DENSE_GAUGES", 1)
+    many = nominal(model)
+    size = np.abs(full.gain).max(axis=1, keepdims=True)
+    np.testing.assert_allclose(many.gain / size, full.gain / size, rtol=0.0, atol=1e-9)
+    std = np.sqrt(np.diag(full.precision))
+    size = np.outer(std, std)
+    np.testing.assert_allclose(many.precision / size, full.precision / size, rtol=0.0, atol=1e-9)
 
 
 @pytest.fixture(scope="module", params=[54, 128])

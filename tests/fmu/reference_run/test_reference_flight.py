@@ -18,6 +18,7 @@ from thermal_maps import with_temperature
 
 from strainfmu.atmosphere import dynamic_pressure, pressure_and_temperature
 from strainfmu.estimator.estimator import Estimator
+from strainfmu.estimator.map import inverse_map as inverse_map_module
 from strainfmu.estimator.map.flight_tables import LOG_PRESSURE, MACH, U, W
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.other_loads import FIVE_LOADS
@@ -268,9 +269,10 @@ def test_errors_of_strain_have_the_covariance_of_the_map_and_the_loads_theirs() 
     strain = np.array([one[0] for one, _ in sample]) - flight.strain[0]
     coefficients = np.array([[true[name][0] for name in COEFFICIENTS] for _, true in sample])
     loads = coefficients * flight.load_per_coefficient[0] - flight.loads[0]
-    spread, of_loads = np.sqrt(np.diag(flight.covariance[0])), np.sqrt(np.mean(loads**2, axis=0))
+    covariance = flight.covariance[0] + np.diag(flight.noise_std**2)
+    spread, of_loads = np.sqrt(np.diag(covariance)), np.sqrt(np.mean(loads**2, axis=0))
     for found, stated, size in (
-        (strain.T @ strain, flight.covariance[0], np.outer(spread, spread)),
+        (strain.T @ strain, covariance, np.outer(spread, spread)),
         (loads.T @ strain, flight.load_strain_covariance[0], np.outer(of_loads, spread)),
     ):
         np.testing.assert_allclose(found / count / size, stated / size, atol=4.0 / np.sqrt(count))
@@ -287,6 +289,27 @@ def test_errors_follow_the_strain(name: str) -> None:
     assert np.linalg.eigvalsh(at).min() > -1e-9 * np.abs(at).max()
     if not case.errors_follow_strain:
         np.testing.assert_allclose(at, np.repeat(case.noise_covariance[None], 3, axis=0), rtol=1e-12)
+
+
+def test_errors_of_many_gauges_by_columns_are_those_by_matrices(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Their covariance, and of the loads with them, to 1e-12 of the standard deviations."""
+    case = with_ranges(made("scaled"), (5.0, 7.0), (15e3, 25e3))
+    monkeypatch.setattr(inverse_map_module, "DENSE_GAUGES", 1)
+    case = replace(case, own_error_strain=np.full(case.n_gauges, 1e-5))
+    assert case.is_low_rank
+    path = flight_path(case, 3)
+    flight = flight_of_states(case, path)
+    assert flight.basis is not None
+    own = np.broadcast_to(flight.own_std, flight.strain.shape)[1] ** 2 + flight.noise_std**2
+    covariance = flight.basis @ flight.covariance[1] @ flight.basis.T + np.diag(own)
+    ratio = path.dynamic_pressure / case.nominal_dynamic_pressure
+    stated = error_covariance(case, flight.loads / flight.load_per_coefficient, ratio)[1]
+    std = np.sqrt(np.diag(stated))
+    np.testing.assert_allclose(covariance / np.outer(std, std), stated / np.outer(std, std), rtol=0.0, atol=1e-12)
+    of_loads = ratio[1] ** 2 * case.strain_load_covariance[:, FIVE_LOADS].T
+    size = np.abs(of_loads).max(axis=1, keepdims=True)
+    found = flight.load_strain_covariance[1] @ flight.basis.T
+    np.testing.assert_allclose(found / size, of_loads / size, rtol=0.0, atol=1e-12)
 
 
 def test_the_gauge_that_fails_is_one_whose_fault_is_told() -> None:
