@@ -65,14 +65,13 @@ class ReferenceFlight:
         random, (n, n_d) = np.random.Generator(np.random.PCG64(seed)), self.strain.shape
         lasting, noise = random.standard_normal(n_d), random.standard_normal((n, n_d))
         own = self.own_std * random.standard_normal(n_d)
-        if self.basis is not None:
-            lasting = self.basis.T @ lasting
+        in_basis: FloatArray = lasting if self.basis is None else self.basis.T @ lasting
         values, vectors = np.linalg.eigh(self.covariance)
         values = np.maximum(values, 0.0)
         largest = np.max(np.diagonal(self.covariance, axis1=1, axis2=2), axis=1, keepdims=True)
         above = values + _ROUND_OFF * (largest + np.max(self.noise_std**2))
         # The symmetric root, without what is round-off in it, is the only one that every machine finds alike.
-        along = values / np.sqrt(above) * np.einsum("kji,j->ki", vectors, lasting)
+        along = values / np.sqrt(above) * np.einsum("kji,j->ki", vectors, in_basis)
         errors = np.einsum("kij,kj->ki", vectors, along)
         strain = errors if self.basis is None else errors @ self.basis.T
         weighted = along / above
