@@ -63,8 +63,8 @@ class ReferenceFlight:
         All but the noise belongs to hardware and flow: it lasts, and its load is part of the truth.
         """
         random, (n, n_d) = np.random.Generator(np.random.PCG64(seed)), self.strain.shape
-        lasting, noise = random.standard_normal(n_d), random.standard_normal((n, n_d))
-        own = self.own_std * random.standard_normal(n_d)
+        lasting, noise = random.standard_normal((n_d,)), random.standard_normal((n, n_d))
+        own = self.own_std * random.standard_normal((n_d,))
         in_basis: FloatArray = lasting if self.basis is None else self.basis.T @ lasting
         values, vectors = np.linalg.eigh(self.covariance)
         values = np.maximum(values, 0.0)
