@@ -124,9 +124,9 @@ class Ensemble:
         return responses
 
     def of_amplitudes(self, amplitudes: ComplexArray) -> FloatArray:
-        """Return (n, m) the responses of the members of a rolled ensemble, from those of the flows.
+        """Return (n, m) the responses of the members of a rolled ensemble, whose flows have ``amplitudes``.
 
-        ``amplitudes`` (m, N, n_m) are sums over the stations of :attr:`harmonics` times the conjugate harmonics of
+        These (m, N, n_m) are sums over the stations of :attr:`harmonics` times the conjugate harmonics of
         an operator. To roll a flow turns the phase of each.
         """
         assert self.grid is not None

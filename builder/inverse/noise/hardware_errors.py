@@ -228,7 +228,7 @@ def _by_harmonics(model: RevolvedStructure, keys: Collection[Key], ensemble: Ens
     """Return (n, n_d) the strain at the members of ``ensemble`` by each of ``keys``.
 
     The flows act at the stations of the gauges first, for all gauges there. What a gauge makes of the amplitudes
-    follows some gauges at a time, those of a station together.
+    follows some gauges at a time, station by station.
     """
     pressure = np.moveaxis(ensemble.harmonics[: model.n_harmonics], 0, 2)  # N, n_x, n_m
     under_flows = replace(model, table=table_under(model.table, pressure))

@@ -41,7 +41,7 @@ class ReferenceFlight:
     noise_std : (n_d,) of errors that differ from sample to sample [m/m].
     load_strain_covariance : (n, 5, k) of the loads with the errors in ``basis``, as with pressure that no state
         holds.
-    basis : (n_d, k) orthonormal strains; None for those of the single gauges.
+    basis : (n_d, k) orthonormal strains; None for the strains of single gauges.
     own_std : (n, n_d) of more errors that last, of each gauge alone [m/m].
     air_data : (n,) true, by name of the output of the FMU.
     """
