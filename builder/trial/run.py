@@ -43,7 +43,8 @@ VERSION = 10
 
 TENTHS = 10
 
-WORKER_MEMORY = "4 GiB"
+WORKER_MEMORY = "8 GiB"
+"""At which a worker is stopped. What all ground tests of a trial share takes 4.3 GiB."""
 
 FILTER = "filter"
 """Name of the estimator of a case whose flights last for a while."""
