@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import isnan
-from os import PathLike
 from pathlib import Path
 from typing import Any, Literal
 
@@ -12,11 +11,8 @@ from strainfmu.can.bus_file import read_bus
 from strainfmu.can.log_frames import is_bus_log
 from strainfmu.can.replay import ReplaySummary, replay_described
 from strainfmu.errors import InputError
-from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
-from strainfmu.recorded.run import Progress, estimate_file
+from strainfmu.recorded.run import File, Progress, estimate_file
 from strainfmu.recorded.summary import EstimationSummary
-
-File = str | PathLike[str]
 
 
 def estimate(
@@ -95,22 +91,24 @@ def estimate(
         Something needed is not installed, the FMU failed, or the output cannot be written.
     """
     path = Path(data)
+    options: dict[str, Any] = {
+        "channels": channels,
+        "filter_seconds": filter_seconds,
+        "columns": columns,
+        "residuals": residuals,
+        "ignore_columns": ignore_columns,
+        "accept_strain_level": accept_strain_level,
+        "accept_held": accept_held,
+        "exclude": exclude,
+        "date_order": date_order,
+        "field": field,
+        "smooth": smooth,
+    }
     if is_bus_log(path):
-        only_of_columns = {
-            "--channels": channels,
-            "--filter": filter_seconds,
-            "--columns": columns,
-            "--residuals": residuals,
-            "--ignore-columns": ignore_columns,
-            "--accept-strain-level": accept_strain_level,
-            "--accept-held": accept_held,
-            "--exclude": exclude,
-            "--date-order": date_order,
-            "--field": field,
-        }
-        for name, value in only_of_columns.items():
+        for name, value in options.items():
             if value:
-                raise InputError(f"{path}: {name}: expected none with a CAN log")
+                option = "filter" if name == "filter_seconds" else name.replace("_", "-")
+                raise InputError(f"{path}: --{option}: expected none with a CAN log")
         if dynamic_pressure is not None and isnan(dynamic_pressure):
             raise InputError(f"{path}: --dynamic-pressure: expected a pressure with a CAN log, got nan")
         option_values = {"input.dynamic_pressure_pa": dynamic_pressure, "zeros.file": zeros and Path(zeros)}
@@ -118,53 +116,6 @@ def estimate(
         return replay_described(path, source, output, described, progress)
     if bus is not None:
         raise InputError(f"{path}: --bus: expected with a CAN log, got it with columns")
-    options = column_options(
-        output,
-        dynamic_pressure=dynamic_pressure,
-        columns=columns,
-        residuals=residuals,
-        ignore_columns=ignore_columns,
-        accept_strain_level=accept_strain_level,
-        accept_held=accept_held,
-        exclude=exclude,
-        channels=channels,
-        date_order=date_order,
-        filter_seconds=filter_seconds,
-        smooth=smooth,
-        zeros=zeros,
-    )
-    options |= {"field_output": field, "field_every": field_every or 1}
-    return estimate_file(source, path, output, progress=progress, **options)
-
-
-def column_options(
-    output: File,
-    *,
-    columns: Literal["plain", "all"] | None = None,
-    accept_strain_level: bool = False,
-    filter_seconds: float | None = None,
-    dynamic_pressure: float | None = None,
-    residuals: bool = False,
-    ignore_columns: Sequence[str] = (),
-    accept_held: bool = False,
-    exclude: Sequence[str] = (),
-    channels: File | None = None,
-    date_order: Literal["day", "month"] | None = None,
-    smooth: bool = False,
-    zeros: File | None = None,
-) -> dict[str, Any]:
-    """Return the options of :func:`estimate` for a recording with columns, as ``estimate_file`` takes them."""
-    return {
-        "columns": columns or ("plain" if Path(output).suffix.lower() == ".csv" else "all"),
-        "check_level": not accept_strain_level,
-        "time_constant": filter_seconds,
-        DYNAMIC_PRESSURE: dynamic_pressure,
-        "residuals": residuals,
-        "ignore_columns": ignore_columns,
-        "accept_held": accept_held,
-        "exclude": exclude,
-        "channels": channels,
-        "date_order": date_order,
-        "smooth": smooth,
-        "zeros": zeros,
-    }
+    options["columns"] = columns or ("plain" if Path(output).suffix.lower() == ".csv" else "all")
+    options |= {"field_every": field_every or 1, "zeros": zeros}
+    return estimate_file(source, path, output, dynamic_pressure, progress, **options)

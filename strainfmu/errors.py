@@ -54,3 +54,11 @@ def library(module: str, package: str, extra: str) -> Any:
         return import_module(module)
     except ImportError as error:
         raise StrainfmuError(f"{package} is not installed: pip install 'strainfmu[{extra}]'") from error
+
+
+def importable(module: str) -> Any:
+    """Return a module, None where it is not installed."""
+    try:
+        return import_module(module)
+    except ImportError:
+        return None

@@ -23,14 +23,14 @@ import numpy as np
 from builder.campaign.dask_workers import on_dask
 from builder.pipeline.stages import AnyProgress, reporter_of
 from builder.processors import processors
-from strainfmu.any_recording import column_options
 from strainfmu.can.log_frames import is_bus_log
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.estimator.signal_names import ZERO
 from strainfmu.files import fingerprint, write_bytes_atomically
 from strainfmu.recorded.checks import DataChecks, FaultCounts, FaultRows
 from strainfmu.recorded.formats import SUFFIXES
-from strainfmu.recorded.run import estimate_file, opened
+from strainfmu.recorded.names import some_of
+from strainfmu.recorded.run import Options, estimate_file, opened
 from strainfmu.recorded.samples import WHOLE, Gaps, Part
 from strainfmu.recorded.summary import EstimationSummary
 from strainfmu.recorded.table import PIECE_ROWS
@@ -109,11 +109,12 @@ def estimate_recordings(
         Something needed is not installed, the output cannot be written, or the workers are lost.
     """
     source, data, output = Path(source), Path(data), Path(output)
-    reporter, asked = reporter_of(progress), column_options(output, **options)
+    reporter, asked = reporter_of(progress), Options(**options)
     _check_output(output)
     work = output.with_name(f"{output.name}.unfinished")
     rows = max(1, round((part_rows or PART_ROWS) / PIECE_ROWS)) * PIECE_ROWS
-    recordings = [_divided(source, file, work, rows, asked) for file in _files_of(data)]
+    files, passed = _files_of(data)
+    recordings = [_divided(source, file, work, rows, asked) for file in files]
     tasks = [task for recording in recordings for task in recording.tasks]
     todo, run = [task for task in tasks if not _is_done(task)], partial(estimate_part, source, asked)
     number = min(workers or processors(), len(todo))
@@ -127,6 +128,7 @@ def estimate_recordings(
             done(k, len(todo))
     try:
         summary = _added(recordings)
+        summary.notes += passed
     except InputError:  # what is refused as a whole leaves nothing
         shutil.rmtree(work)
         raise
@@ -134,23 +136,23 @@ def estimate_recordings(
     return summary
 
 
-def estimate_part(source: Path, options: Mapping[str, Any], task: Task) -> Task:
+def estimate_part(source: Path, options: Options, task: Task) -> Task:
     """Estimate a part, and write its loads, then what was counted."""
     part = task.part
-    if part != WHOLE and (seconds := LEAD_WINDOWS * (options["time_constant"] or 0.0)):
+    if part != WHOLE and (seconds := LEAD_WINDOWS * (options.filter_seconds or 0.0)):
         part = part._replace(begin=_lead(source, task.data, part.first, seconds, options))
     task.loads.parent.mkdir(parents=True, exist_ok=True)
-    summary = estimate_file(source, task.data, task.loads, part=part, **options)
+    summary = estimate_file(source, task.data, task.loads, part=part, **vars(options))
     counts = json.dumps({"key": task.key, **_counted(summary)}, default=_plain)
     write_bytes_atomically(task.counts, counts.encode())
     return task
 
 
-def _lead(source: Path, data: Path, first: int, seconds: float, options: Mapping[str, Any]) -> int:
+def _lead(source: Path, data: Path, first: int, seconds: float, options: Options) -> int:
     """Return the row, a whole number of pieces ahead of ``first``, that is ``seconds`` or more before it."""
 
     def time(row: int) -> float:
-        with opened(source, data, part=Part(row, row, row), **_to_open(options)) as (_, recording, *_):
+        with opened(source, data, options, Part(row, row, row)) as (_, recording, *_):
             return float(next(recording.blocks).time[0])
 
     begin, pieces = first, 1
@@ -166,23 +168,26 @@ def _check_output(output: Path) -> None:
         raise InputError(f"{output}: expected a data set of loads, or nothing, in its place: remove it")
 
 
-def _files_of(data: Path) -> list[Path]:
-    """Return the recordings: the file, or all that a folder has, in the order of their names."""
-    if not data.is_dir():
-        files = [data]
-    else:
-        files = sorted(file for file in data.iterdir() if file.suffix.lower() in SUFFIXES and file.is_file())
+def _files_of(data: Path) -> tuple[list[Path], list[str]]:
+    """Return the recordings, the file or all that a folder has in the order of their names, and a line on the
+    folders in it, which are passed over."""
+    files, passed = [data], list[str]()
+    if data.is_dir():
+        items = sorted(data.iterdir())
+        files = [item for item in items if item.suffix.lower() in SUFFIXES and item.is_file()]
         if not files:
             raise InputError(f"{data}: expected recordings, {', '.join(SUFFIXES)}, got none")
+        if folders := [item.name for item in items if item.is_dir()]:
+            passed.append(f"{data}: folders in it are passed over: {some_of(folders)}")
     for file in files:
         if is_bus_log(file):
             raise InputError(f"{file}: expected columns of strains, got a CAN log: estimate it by itself")
-    return files
+    return files, passed
 
 
-def _divided(source: Path, data: Path, work: Path, rows: int, options: Mapping[str, Any]) -> Divided:
+def _divided(source: Path, data: Path, work: Path, rows: int, options: Options) -> Divided:
     """Return a recording in parts of ``rows`` rows, a piece ahead of each but the first; text in one part."""
-    with opened(source, data, **_to_open(options)) as (estimator, recording, checks, notes):
+    with opened(source, data, options) as (estimator, recording, checks, notes):
         if estimator.inverse_map is None:
             raise InputError(f"{source}: expected an inverse map for the parts of recordings, got an FMU")
         parts = [WHOLE]
@@ -194,7 +199,7 @@ def _divided(source: Path, data: Path, work: Path, rows: int, options: Mapping[s
         summary.notes = [*recording.notes, *notes]
     name, state = quote(data.name, safe=""), data.stat()
     files = {path: [path.stat().st_size, path.stat().st_mtime_ns] for path in _files_read(source, options)}
-    made_of = {"version": __version__, "data": [state.st_size, state.st_mtime_ns], "options": dict(options)}
+    made_of = {"version": __version__, "data": [state.st_size, state.st_mtime_ns], "options": vars(options)}
     made_of["files"] = {str(path): size_and_time for path, size_and_time in files.items()}
     tasks = [
         Task(
@@ -209,14 +214,9 @@ def _divided(source: Path, data: Path, work: Path, rows: int, options: Mapping[s
     return Divided(tasks, summary, checks)
 
 
-def _files_read(source: Path, options: Mapping[str, Any]) -> list[Path]:
+def _files_read(source: Path, options: Options) -> list[Path]:
     """Return the files that the loads are made of besides the recording."""
-    return [source, *(Path(options[name]) for name in ("channels", "zeros") if options[name] is not None)]
-
-
-def _to_open(options: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the options that an estimator and a recording are opened with."""
-    return {name: value for name, value in options.items() if name != "columns"}
+    return [source, *(Path(file) for file in (options.channels, options.zeros) if file is not None)]
 
 
 def _is_done(task: Task) -> bool:

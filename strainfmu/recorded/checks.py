@@ -18,7 +18,7 @@ import numpy as np
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.estimator.signal_names import ZERO
 from strainfmu.recorded.names import some_of
-from strainfmu.recorded.samples import WHOLE, Part, Samples
+from strainfmu.recorded.samples import Samples
 from strainfmu.recorded.selection import Selection, flown_pressure
 from strainfmu.recorded.strain_level import TOO_HIGH, LevelCheck
 
@@ -184,8 +184,7 @@ class DataChecks:
     zero : (n_d,) or one zero that it subtracts [m/m].
     accepts_level, accepts_held : whether strains of another level, and rows that do not change, are estimated.
     leaves_out_dead : whether readings of gauges that repeat themselves are taken out.
-    part : rows of the file that count; those around them are checked and not counted.
-    counts : of these rows.
+    counts : of the rows that count; those around them are checked and not counted.
     """
 
     selection: Selection
@@ -193,7 +192,6 @@ class DataChecks:
     accepts_level: bool = False
     accepts_held: bool = False
     leaves_out_dead: bool = False
-    part: Part = WHOLE
     counts: FaultCounts = field(default_factory=FaultCounts)
 
     def __post_init__(self) -> None:
@@ -205,7 +203,6 @@ class DataChecks:
         self._of_gauges, self._of_rows = RunLengths(len(self._names)), RunLengths(1)
         self._same: BoolArray | None = None
         self._sizes: FloatArray = np.empty((0, 0))
-        self._place = self.part.begin
         factor, pressure = selection.strain_factor, selection.pressure_name
         self._level = LevelCheck(selection.path, self._reference, factor, not self.accepts_level, pressure)
 
@@ -273,8 +270,7 @@ class DataChecks:
         InputError
             The level of the strains is far above the map's.
         """
-        is_first, self._place = not self._place, self._place + len(block.time)
-        counts = self.counts if self.part.holds(self._place) else FaultCounts()
+        is_first, counts = self._same is None, self.counts if block.is_counted else FaultCounts()
         same = repeated(block.strain, np.full(len(self._names), inf)) if self._same is None else self._same
         same_next = same[:0] if following is None else repeated(following.strain, block.strain[-1])
         self._same, strain, known = same_next, block.strain, np.isfinite(block.strain)
@@ -287,7 +283,7 @@ class DataChecks:
         of_rows, next_rows = np.asarray(same.all(axis=1)), np.asarray(same_next.all(axis=1))
         row_same = of_rows & has_values
         runs = self._of_rows.take(row_same[:, None], next_rows[:, None])[:, 0]
-        if is_first:  # nothing shows that the first row of the file is new
+        if is_first:  # nothing shows that the first row that is read is new
             row_same[0] = True
         is_held = row_same & ~zero & (runs >= _longest_of_all(longest[known.any(axis=0)]))
         alone, following_alone = same & known & ~of_rows[:, None], same_next & ~next_rows[:, None]

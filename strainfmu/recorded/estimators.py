@@ -245,13 +245,13 @@ def open_estimator(
     source: Path,
     zeros: Path | None = None,
     *,
-    time_constant: float | None = None,
+    filter_seconds: float | None = None,
     smooth: bool = False,
     residuals: bool = False,
 ) -> Iterator[BlockEstimator]:
     """Load an estimator FMU or an inverse map, with the ``zeros`` of its gauges (zeros.toml); free it at the end.
 
-    A map may have a filter of ``time_constant`` [s], be ``smooth``, and give the ``residuals`` of all gauges.
+    A map may have a filter of ``filter_seconds``, be ``smooth``, and give the ``residuals`` of all gauges.
 
     Raises
     ------
@@ -260,17 +260,19 @@ def open_estimator(
     StrainfmuError
         The FMU cannot be loaded on this machine.
     """
-    if smooth and time_constant is None:
+    if smooth and filter_seconds is None:
         raise InputError("--smooth: expected with --filter, got it alone")
-    if time_constant == 0.0:
+    if filter_seconds == 0.0:
         raise InputError("time_constant: expected the time constant of the filter [s], got 0")
     if not is_fmu(source):
         inverse_map = load_inverse_map(source)
         names = inverse_map.gauge_names[: inverse_map.n_strain_gauges]
         estimator = Estimator(inverse_map, zeros=None if zeros is None else load_zeros(zeros, names))
-        yield MapBlocks(estimator if time_constant is None else estimator.filter(time_constant), residuals, smooth)
+        yield MapBlocks(
+            estimator if filter_seconds is None else estimator.filter(filter_seconds), residuals, smooth
+        )
         return
-    for option, value in {"--filter": time_constant, "--residuals": residuals or None}.items():
+    for option, value in {"--filter": filter_seconds, "--residuals": residuals or None}.items():
         if value is not None:
             raise InputError(f"{source}: {option}: expected an inverse map, got an FMU")
     extra = other_outputs_of(outputs_of(source))

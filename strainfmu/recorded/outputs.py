@@ -17,7 +17,7 @@ import h5py
 import numpy as np
 
 from strainfmu.arrays import FloatArray
-from strainfmu.errors import InputError, library
+from strainfmu.errors import InputError, importable, library
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE, SAMPLE_INPUTS
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
@@ -207,13 +207,40 @@ class PartsWriter:
 
 def _csv(temporary: Path, columns: Sequence[Column], texts: Sequence[str], attributes: Mapping[str, Any]) -> Parts:
     with temporary.open("w", newline="", encoding="utf-8") as stream:
-        writer = csv.writer(stream, lineterminator="\n")
+        writer, n = csv.writer(stream, lineterminator="\n"), len(columns)
         writer.writerow([*(f"{name} [{unit}]" for name, unit in columns), *texts])
         while (table := (yield)) is not None:
-            n = len(columns)
-            writer.writerows(zip(*(values.tolist() for values in table[:n]), *table[n:], strict=True))
+            if (lines := _lines(table[:n], table[n:])) is not None:
+                stream.write(lines)
+            else:
+                writer.writerows(zip(*(values.tolist() for values in table[:n]), *table[n:], strict=True))
         stream.flush()
         os.fsync(stream.fileno())
+
+
+def _lines(numbers: Sequence[FloatArray], texts: Sequence[Sequence[str]]) -> str | None:
+    """Return the lines of a table as csv writes them, by pyarrow in a fifth of the time; None without it, and of
+    texts that need quotes.
+
+    Both write the shortest decimals of a number. Arrow writes whole numbers without a point, and exponents of
+    numbers below 1e-4 or from 1e10 on in another form: these are Python's.
+    """
+    arrow, compute = importable("pyarrow"), importable("pyarrow.compute")
+    if arrow is None or compute is None:
+        return None
+    cells = list[Any]()
+    for column in numbers:
+        size = np.abs(column)
+        is_other = (size < 1e-4) | (size >= 1e10) | (column == np.floor(column))
+        of_python = arrow.array([repr(number) for number in column[is_other].tolist()], arrow.string())
+        decimals = compute.cast(arrow.array(column), arrow.string())
+        cells.append(compute.replace_with_mask(decimals, arrow.array(is_other), of_python))
+    for column_of_texts in texts:
+        cells.append(arrow.array(column_of_texts, arrow.string()))
+        if compute.any(compute.match_substring_regex(cells[-1], '[",\r\n]')).as_py():
+            return None
+    rows = compute.binary_join_element_wise(*cells, ",")
+    return "\n".join([*rows.to_pylist(), ""])
 
 
 def _parquet(

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, nullcontext
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -23,32 +23,42 @@ from strainfmu.recorded.summary import EstimationSummary
 from strainfmu.text_cells import DateOrder
 
 Progress = Callable[[int, int], None]
+File = str | PathLike[str]
 
 AUTO = "auto"
 """Stands for all gauges that repeat their reading, among those to leave out."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """How a recording with columns is read and estimated: as :func:`strainfmu.estimate` takes it, None for all
+    ``columns``."""
+
+    dynamic_pressure: float | None = None
+    columns: Literal["plain", "all"] | None = None
+    residuals: bool = False
+    ignore_columns: Sequence[str] = ()
+    accept_strain_level: bool = False
+    accept_held: bool = False
+    exclude: Sequence[str] = ()
+    field: File | None = None
+    field_every: int | None = None
+    channels: File | None = None
+    date_order: DateOrder | None = None
+    filter_seconds: float | None = None
+    smooth: bool = False
+    zeros: File | None = None
+
+
 def estimate_file(
-    source: str | PathLike[str],
-    data: str | PathLike[str],
-    output: str | PathLike[str],
+    source: File,
+    data: File,
+    output: File,
     dynamic_pressure: float | None = None,
     progress: Progress | None = None,
     *,
-    residuals: bool = False,
-    ignore_columns: Sequence[str] = (),
-    check_level: bool = True,
-    field_output: str | PathLike[str] | None = None,
-    field_every: int = 1,
-    channels: str | PathLike[str] | None = None,
-    time_constant: float | None = None,
-    smooth: bool = False,
-    zeros: str | PathLike[str] | None = None,
-    accept_held: bool = False,
-    exclude: Sequence[str] = (),
-    columns: Literal["plain", "all"] = "all",
-    date_order: DateOrder | None = None,
     part: Part = WHOLE,
+    **options: Any,
 ) -> EstimationSummary:
     """Estimate every sample of ``data`` with the FMU or map ``source`` and write ``output``.
 
@@ -57,11 +67,9 @@ def estimate_file(
 
     Parameters
     ----------
-    source, data, output, dynamic_pressure, residuals, smooth, zeros, channels, exclude, columns, date_order :
-        as :func:`strainfmu.estimate` takes them; so are ``ignore_columns``, ``field_every`` and ``accept_held``.
-    check_level : whether to refuse strains whose level is so far from the map's that their unit must be another.
-    field_output, time_constant : ``field`` and ``filter_seconds`` of :func:`strainfmu.estimate`.
+    source, data, output, dynamic_pressure, progress : as :func:`strainfmu.estimate` takes them.
     part : rows to estimate. The notes on a part are on its own samples alone.
+    options : the other ones of :class:`Options`.
 
     Raises
     ------
@@ -71,50 +79,34 @@ def estimate_file(
         Something needed is not installed, the FMU failed, or the output cannot be written.
     """
     source, data, output = Path(source), Path(data), Path(output)
+    asked = Options(dynamic_pressure=dynamic_pressure, **options)
+    is_plain, every = asked.columns == "plain", 1 if asked.field_every is None else asked.field_every
     outputs.check_output(output)
     if output.exists() and any(path.exists() and output.samefile(path) for path in (source, data)):
         raise InputError(f"{output}: expected another file than those that are read")
-    if field_every < 1:
-        raise InputError(f"--field-every: expected at least 1, got {field_every}")
-    if field_output is not None and time_constant is not None:
+    if every < 1:
+        raise InputError(f"--field-every: expected at least 1, got {every}")
+    if asked.field is not None and asked.filter_seconds is not None:
         raise InputError("--field: expected none with --filter, which does not filter the pressure field")
-    with opened(
-        source,
-        data,
-        dynamic_pressure,
-        residuals=residuals,
-        ignore_columns=ignore_columns,
-        check_level=check_level,
-        channels=channels,
-        time_constant=time_constant,
-        smooth=smooth,
-        zeros=zeros,
-        accept_held=accept_held,
-        exclude=exclude,
-        date_order=date_order,
-        part=part,
-    ) as (estimator, recording, checks, notes):
-        if field_output is not None:
-            outputs.check_field_output(Path(field_output), estimator.inverse_map, source)
+    with opened(source, data, asked, part) as (estimator, recording, checks, notes):
+        if asked.field is not None:
+            outputs.check_field_output(Path(asked.field), estimator.inverse_map, source)
         selection = recording.selection
         summary = EstimationSummary(unused=selection.unused, faults=checks.counts, gaps=recording.gaps)
         names = outputs.output_columns(selection.stated, estimator.other_columns)
-        is_plain, watch = columns == "plain", RecorderWatch(data, estimator)
         written = outputs.plain_columns(names) if is_plain else {name: (name, unit) for name, unit in names}
-        texts = outputs.PLAIN_TEXTS if is_plain else outputs.TEXTS
+        texts, watch = outputs.PLAIN_TEXTS if is_plain else outputs.TEXTS, RecorderWatch(data, estimator)
         with ExitStack() as stack:
             writer = stack.enter_context(
                 outputs.estimate_writer(output, [*written.values()], texts, estimator.attributes)
             )
             series = stack.enter_context(
                 nullcontext()
-                if field_output is None or estimator.inverse_map is None
-                else outputs.field_series_writer(Path(field_output), estimator.inverse_map, field_every)
+                if asked.field is None or estimator.inverse_map is None
+                else outputs.field_series_writer(Path(asked.field), estimator.inverse_map, every)
             )
-            place = part.begin
             for block, estimates in estimator.estimated(recording.blocks, checks.checked):
-                place += len(block.time)
-                if not part.holds(place):
+                if not block.is_counted:
                     continue
                 values = {"time": block.time, **block.flow, **estimates.values}
                 shown = [
@@ -131,7 +123,7 @@ def estimate_file(
                     series.write((block.time, estimates.estimates))
                 if progress is not None:
                     progress(block.position, recording.length)
-            summary.fields = 0 if series is None else -(-summary.samples // field_every)
+            summary.fields = 0 if series is None else -(-summary.samples // every)
             summary.notes += watch.notes()
             if part == WHOLE:
                 summary.notes = [*recording.notes, *notes, *checks.notes(), *summary.notes]
@@ -148,47 +140,34 @@ class Opened(NamedTuple):
 
 
 @contextmanager
-def opened(
-    source: Path,
-    data: Path,
-    dynamic_pressure: float | None = None,
-    *,
-    residuals: bool = False,
-    ignore_columns: Sequence[str] = (),
-    check_level: bool = True,
-    channels: str | PathLike[str] | None = None,
-    time_constant: float | None = None,
-    smooth: bool = False,
-    zeros: str | PathLike[str] | None = None,
-    accept_held: bool = False,
-    exclude: Sequence[str] = (),
-    date_order: DateOrder | None = None,
-    part: Part = WHOLE,
-) -> Iterator[Opened]:
-    """Open an estimator and a recording; parameters and errors as :func:`estimate_file` has them."""
-    of_gauges = None if zeros is None else Path(zeros)
+def opened(source: Path, data: Path, options: Options, part: Part = WHOLE) -> Iterator[Opened]:
+    """Open an estimator and a recording; errors as :func:`estimate_file` has them."""
+    fixed, zeros, channels = options.dynamic_pressure, options.zeros, options.channels
     with open_estimator(
-        source, of_gauges, time_constant=time_constant, smooth=smooth, residuals=residuals
+        source,
+        None if zeros is None else Path(zeros),
+        filter_seconds=options.filter_seconds,
+        smooth=options.smooth,
+        residuals=options.residuals,
     ) as estimator:
-        if channels is not None and ignore_columns:
+        if channels is not None and options.ignore_columns:
             raise InputError(f"{data}: --ignore-columns: expected none with --channels, which names what is read")
         wanted = replace(
             estimator.wanted,
-            fixed_pressure=dynamic_pressure,
-            ignored=tuple(ignore_columns),
-            excluded=tuple(name for name in exclude if name != AUTO),
-            date_order=date_order,
+            fixed_pressure=fixed,
+            ignored=tuple(options.ignore_columns),
+            excluded=tuple(name for name in options.exclude if name != AUTO),
+            date_order=options.date_order,
         )
-        if dynamic_pressure is not None and np.isnan(dynamic_pressure) and not wanted.navigates:
+        if fixed is not None and np.isnan(fixed) and not wanted.navigates:
             raise InputError(f"{source}: --dynamic-pressure: expected a pressure for a linear estimator, got nan")
         with open_recording(data, wanted, None if channels is None else Path(channels), part) as recording:
             checks = DataChecks(
                 recording.selection,
                 zero=estimator.zero,
-                accepts_level=not check_level,
-                accepts_held=accept_held,
-                leaves_out_dead=AUTO in exclude,
-                part=part,
+                accepts_level=options.accept_strain_level,
+                accepts_held=options.accept_held,
+                leaves_out_dead=AUTO in options.exclude,
             )
             notes = _notes(source, data, estimator, recording, has_zeros=zeros is not None)
             yield Opened(estimator, recording, checks, notes)

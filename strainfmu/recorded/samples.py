@@ -58,10 +58,6 @@ class Part(NamedTuple):
     first: int = 0
     stop: int = sys.maxsize
 
-    def holds(self, place: int) -> bool:
-        """Return whether a row, counted from 1 as places of a frame are, is one of the part itself."""
-        return self.first < place <= self.stop
-
 
 WHOLE = Part()
 """All rows of any recording."""
@@ -78,6 +74,7 @@ class Samples:
     flow : (n,) of each other quantity that is read, by its name [SI units], NaN where it is not known: q_inf
         always, and what the file has of flow, motion, flow parameters, auxiliary sensors, and ``temperature[k]``.
     position : that they reach in the file.
+    is_counted : whether they are of the rows to estimate, rather than of their neighbours.
     faults : n texts on strains that were taken out, "" for none; see
         :class:`~strainfmu.recorded.checks.StrainFaults`.
     """
@@ -86,6 +83,7 @@ class Samples:
     strain: FloatArray
     flow: Mapping[str, FloatArray]
     position: int = 0
+    is_counted: bool = True
     faults: tuple[str, ...] = ()
 
     def __getitem__(self, rows: slice) -> Samples:
@@ -130,11 +128,11 @@ class Gaps:
         """Take the times of the next samples, and their rows or lines; count the gaps ahead of each."""
         if np.isnan(self.period) and len(time) > 1:
             self.period = float(np.median(np.diff(time)))
-        if not is_counted:
-            self._last, self._place = float(time[-1]), int(places[-1])
-            return
         ahead = np.append(self._place, places[:-1])
         before = np.append(self._last if np.isfinite(self._last) else time[0], time[:-1])
+        self._last, self._place = float(time[-1]), int(places[-1])
+        if not is_counted:
+            return
         steps = time - before
         gaps = np.flatnonzero(steps > LONGEST_GAP * self.period)
         if len(gaps):
@@ -144,7 +142,6 @@ class Gaps:
             self.number += len(gaps)
             self.first += zip(before[gaps].tolist(), steps[gaps].tolist(), strict=True)
             del self.first[_GAPS_LISTED:]
-        self._last, self._place = float(time[-1]), int(places[-1])
 
     def take(self, later: Gaps) -> None:
         """Add the gaps of samples that come later."""
@@ -236,9 +233,11 @@ def _recording(selection: Selection, part: Part) -> Recording:
         while place <= part.stop and len((rows := base.next_rows()).time):
             columns = [rows.values, *(track.values_at(rows.time, join) for track in tracks)]
             place = int(rows.places[-1])
-            gaps.add(rows.time, rows.places, is_counted=part == WHOLE or part.holds(place))
+            is_counted = part.first < place <= part.stop
+            gaps.add(rows.time, rows.places, is_counted=is_counted)
             values = np.hstack(columns) if tracks else rows.values
-            yield _samples(selection, keys, rows._replace(values=values), frame.counted)
+            samples = _samples(selection, keys, rows._replace(values=values), frame.counted)
+            yield samples if is_counted else replace(samples, is_counted=False)
         if not base.position:
             raise InputError(f"{table.path}: no samples found")
         if part == WHOLE:
@@ -385,8 +384,7 @@ class _Track:
             self.advance()
         if not len(self.time):
             return np.full((len(times), len(self.keys)), np.nan)
-        limit = self._limit(join)
-        values = self._interpolated(times, limit) if join.rule == "linear" else self._taken(times, join, limit)
+        values = self._joined(times, join.rule, self._limit(join))
         self._drop(max(int(np.searchsorted(self.time, times[-1], side="right")) - 2, 0))
         return values
 
@@ -399,32 +397,24 @@ class _Track:
         periods = FARTHEST if join.rule == "nearest" else LONGEST_GAP
         return periods * self.period if join.limit is None else join.limit
 
-    def _taken(self, times: FloatArray, join: Join, limit: float) -> FloatArray:
-        """Return (m, n_c) values of the last row before the (m,) times [s], or of the nearest; NaN too far off."""
+    def _joined(self, times: FloatArray, rule: str, limit: float) -> FloatArray:
+        """Return (m, n_c) values at the (m,) times [s] by a rule of :data:`JOINS`: those of the row at that time,
+        else of the one before or the nearest, or between two; NaN where that is farther than ``limit`` [s]."""
         time, same = self.time, np.nan_to_num(_SAME * self.period)
         last = np.searchsorted(time, times + same, side="right") - 1
-        taken = np.maximum(last, 0)
-        if join.rule == "nearest":
-            following = np.minimum(last + 1, len(time) - 1)
-            taken = np.where(np.abs(time[following] - times) < np.abs(times - time[taken]), following, taken)
-            last = taken
-        is_near = (last >= 0) & (np.abs(times - time[taken]) <= np.nan_to_num(limit) + same)
-        return np.where(is_near[:, None], self.values[taken], np.nan)
-
-    def _interpolated(self, times: FloatArray, limit: float) -> FloatArray:
-        """Return (m, n_c) values at the (m,) times [s]; NaN where neighbours are more than ``limit`` [s] apart."""
-        time, values = self.time, self.values
-        if len(time) == 1:
-            return np.where((times == time[0])[:, None], values[0], np.nan)
-        row = np.clip(np.searchsorted(time, times, side="right") - 1, 0, len(time) - 2)
-        gap = time[row + 1] - time[row]
-        weight = ((times - time[row]) / gap)[:, None]
-        near = (_SAME * self.period / gap)[:, None]
-        between = (1.0 - weight) * values[row] + weight * values[row + 1]
-        is_inside = (weight > 0.0) & (weight < 1.0) & (gap <= limit)[:, None]
-        joined = np.where(is_inside, between, np.nan)
-        joined = np.where(np.abs(weight) <= near, values[row], joined)
-        return np.where(np.abs(weight - 1.0) <= near, values[row + 1], joined)
+        row, following = np.maximum(last, 0), np.minimum(last + 1, len(time) - 1)
+        if rule == "nearest":
+            row = np.where(np.abs(time[following] - times) < np.abs(times - time[row]), following, row)
+        reach = same if rule == "linear" else np.nan_to_num(limit) + same
+        is_near = (np.abs(times - time[row]) <= reach) & ((last >= 0) | (rule != "hold"))
+        values = np.where(is_near[:, None], self.values[row], np.nan)
+        gap = time[following] - time[row]
+        is_between = (rule == "linear") & ~is_near & (last >= 0) & (gap > 0.0) & (gap <= limit)
+        if is_between.any():
+            row, following = row[is_between], following[is_between]
+            weight = ((times[is_between] - time[row]) / gap[is_between])[:, None]
+            values[is_between] = (1.0 - weight) * self.values[row] + weight * self.values[following]
+        return values
 
 
 def _frame_tracks(selection: Selection, number: int, looks_ahead: bool, begin: int) -> list[_Track]:
@@ -523,7 +513,7 @@ def _samples(selection: Selection, keys: Sequence[str], rows: _Rows, counted: st
             row, column = int(negative[0]), selection.flow[name].column.name
             raise InputError(f"{where(column, row)}: expected at least 0, got {values[row]:g}")
     _check_unit(selection, strain, where)
-    if selection.computed_from:
+    if selection.computes_pressure:
         flow[DYNAMIC_PRESSURE] = computed_pressure(flow)
     if not wanted.navigates:
         flow.pop(STATIC_PRESSURE, None)

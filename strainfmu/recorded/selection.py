@@ -92,7 +92,9 @@ class Selection:
     excluded : gauges that are left out.
     unused : names of the columns that are not read.
     strain_factor : of the unit of most strains, to m/m.
-    pressure_factor : of the unit of the pressure that q_inf comes from, to Pa.
+    pressure_source : what q_inf comes from: its column, :data:`FIXED`, or the quantity besides the Mach number; ""
+        if it is not known.
+    pressure_factor : of the unit of that pressure, to Pa.
     raster : gauge, leg or quantity whose samples are used for the estimates, "" where none is stated.
     """
 
@@ -105,6 +107,7 @@ class Selection:
     excluded: tuple[str, ...] = ()
     unused: tuple[str, ...] = ()
     strain_factor: float = 1.0
+    pressure_source: str = ""
     pressure_factor: float = 1.0
     raster: str = ""
 
@@ -125,30 +128,23 @@ class Selection:
         return tuple(name for name in self.wanted.flow if name in self.flow and name in taken)
 
     @property
-    def computed_from(self) -> tuple[str, ...]:
-        """Quantities that q_inf is computed from, nothing where it is read or fixed, or an output alone."""
-        return () if self.wanted.navigates or self._has_pressure else pressure_sources(self.flow)
+    def computes_pressure(self) -> bool:
+        """Whether q_inf is computed from the Mach number and :attr:`pressure_source`, and no output alone."""
+        return not self.wanted.navigates and self.pressure_source in _COMPUTED
 
     @property
     def pressure_name(self) -> tuple[str, float] | None:
         """The quantity that q_inf comes from, and the factor of its unit to Pa; None of an altitude."""
-        if self._has_pressure:
-            is_read = DYNAMIC_PRESSURE in self.flow
-            return (DYNAMIC_PRESSURE, self.pressure_factor) if is_read else ("--dynamic-pressure", 1.0)
-        return (STATIC_PRESSURE, self.pressure_factor) if STATIC_PRESSURE in pressure_sources(self.flow) else None
-
-    @property
-    def _has_pressure(self) -> bool:
-        fixed = self.wanted.fixed_pressure
-        return DYNAMIC_PRESSURE in self.flow or (fixed is not None and bool(np.isfinite(fixed)))
+        is_stated = self.pressure_source not in ("", ALTITUDE)
+        return (self.pressure_source, self.pressure_factor) if is_stated else None
 
     def flow_notes(self) -> list[str]:
         """Return what is to be said of the columns of the flow."""
         wanted, notes = self.wanted, list[str]()
-        if self.computed_from:
-            notes.append(f"no dynamic_pressure found: {_COMPUTED[self.computed_from[1]]}")
-        elif wanted.navigates and not self._has_pressure:
-            pressure = next((name for name in (STATIC_PRESSURE, ALTITUDE) if name in self.flow), "")
+        if self.computes_pressure:
+            notes.append(f"no dynamic_pressure found: {_COMPUTED[self.pressure_source]}")
+        elif wanted.navigates and self.pressure_source not in (DYNAMIC_PRESSURE, FIXED):
+            pressure = next((name for name in _COMPUTED if name in self.flow), "")
             known = [name for name in (MACH_NUMBER, pressure) if name in self.flow]
             by = f"with {' and '.join(known)} as navigation" if known else "from strain alone"
             notes.append(f"no dynamic_pressure found: estimated {by}")
@@ -161,6 +157,9 @@ class Selection:
             )
         return [f"{self.path}: {note}" for note in notes]
 
+
+FIXED = "--dynamic-pressure"
+"""Stands for the option as source of q_inf."""
 
 _COMPUTED = {
     STATIC_PRESSURE: "computed from mach_number and static_pressure, gamma/2 p M^2",
@@ -297,7 +296,7 @@ def _select_flow(selection: Selection, columns: Mapping[str, Sequence[Column]], 
 
     ``lacks`` is what to say where q_inf is missing, ahead of the option for it.
     """
-    wanted, passed = selection.wanted, list[Column]()
+    wanted, passed, factors = selection.wanted, list[Column](), dict[str, float]()
     is_fixed = wanted.fixed_pressure is not None
     is_known = is_fixed or DYNAMIC_PRESSURE in columns or MACH_NUMBER not in columns
     for name in wanted.quantities:
@@ -308,12 +307,16 @@ def _select_flow(selection: Selection, columns: Mapping[str, Sequence[Column]], 
             passed += columns[name]
             continue
         sensor = f"sensor {wanted.temperatures[name]}" if name in wanted.temperatures else name
-        selection.flow[name], factor = _source(selection, columns[name], name, sensor)
-        if name in (DYNAMIC_PRESSURE, STATIC_PRESSURE):
-            selection.pressure_factor = factor
-    is_computed = wanted.computes_pressure and bool(pressure_sources(selection.flow))
+        selection.flow[name], factors[name] = _source(selection, columns[name], name, sensor)
+    computed_from = pressure_sources(selection.flow)[1:]
+    if wanted.fixed_pressure is not None and np.isfinite(wanted.fixed_pressure):
+        selection.pressure_source = FIXED
+    else:
+        selection.pressure_source = next(filter(factors.__contains__, (DYNAMIC_PRESSURE, *computed_from)), "")
+    selection.pressure_factor = factors.get(selection.pressure_source, 1.0)
+    is_computed = wanted.computes_pressure and bool(computed_from)
     if wanted.needs_pressure and not (is_fixed or DYNAMIC_PRESSURE in selection.flow or is_computed):
-        option = "--dynamic-pressure" + (", nan where it is not known" if wanted.navigates else "")
+        option = FIXED + (", nan where it is not known" if wanted.navigates else "")
         raise InputError(f"{selection.path}: {lacks} {option}")
     return passed
 

@@ -64,7 +64,7 @@ def write_readings(flight: Recording, path: Path, seed: int) -> None:
 
 def errors_of(flown: Path, time_constant: float | None) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return errors and their deviations (n, 5), and chi-square with its degrees of freedom (n, 2)."""
-    estimate_file(flown / "noise.h5", flown / "readings.csv", flown / "loads.csv", time_constant=time_constant)
+    estimate_file(flown / "noise.h5", flown / "readings.csv", flown / "loads.csv", filter_seconds=time_constant)
     table = np.genfromtxt(flown / "loads.csv", delimiter=",", names=True, deletechars="", replace_space=" ")
     flight = load_recording(flown / "flight.h5")
     truth = np.column_stack([flight[f"plant.{name}"] for name in COEFFICIENT_NAMES])

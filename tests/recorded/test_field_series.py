@@ -113,8 +113,8 @@ def test_linear_map_writes_net_pressure(data: Path, tmp_path: Path) -> None:
         tmp_path / "linear.h5",
         data,
         tmp_path / "out.csv",
-        check_level=False,
-        field_output=tmp_path / "deep" / "net.vtkhdf",
+        accept_strain_level=True,
+        field=tmp_path / "deep" / "net.vtkhdf",
     )
     assert summary.fields == K
     _, net, _ = read_by_vtk(tmp_path / "deep" / "net.vtkhdf", "net_pressure")
@@ -129,9 +129,9 @@ def test_refusals_are_one_line(run: Run, map_path: Path, data: Path, tmp_path: P
     save_inverse_map(bare, tmp_path / "bare.h5")
     series = tmp_path / "a.vtkhdf"
     with pytest.raises(InputError, match="holds no pressure field, expected one built with keep_field = true"):
-        estimate_file(tmp_path / "bare.h5", data, output, field_output=series)
+        estimate_file(tmp_path / "bare.h5", data, output, field=series)
     with pytest.raises(InputError, match=r"a.vtu: expected .vtkhdf, got '.vtu'"):
-        estimate_file(map_path, data, output, field_output=tmp_path / "a.vtu")
+        estimate_file(map_path, data, output, field=tmp_path / "a.vtu")
     code, _, error = run("estimate", map_path, data, "-o", output, "--field-every", 2)
     assert code != 0
     assert "--field-every: expected with --field, got it alone" in error

@@ -54,7 +54,7 @@ def write_table(path: Path) -> Path:
 
 def test_air_data_are_columns(map_path: Path, tmp_path: Path) -> None:
     data = write_table(tmp_path / "flight.csv")
-    summary = estimate_file(map_path, data, tmp_path / "out.h5", check_level=False)
+    summary = estimate_file(map_path, data, tmp_path / "out.h5", accept_strain_level=True)
     assert summary.samples == K
     with h5py.File(tmp_path / "out.h5") as file:
         assert file["air_data.angle_of_attack"].attrs["unit"] == "rad"
@@ -105,7 +105,7 @@ def test_filtered_and_smoothed_estimates_say_so(
             data,
             tmp_path / f"{name}.h5",
             progress=lambda at, _, s=seen: s.append(at),
-            check_level=False,
+            accept_strain_level=True,
             **options,
         )
         assert summary.samples == 80
@@ -128,7 +128,7 @@ def test_a_caller_that_holds_the_lock_of_h5py_waits_for_nothing(map_path: Path, 
     def estimate_in_a_loop() -> None:
         with h5py.File(data) as file:
             for name, _ in file.items():
-                estimate_file(map_path, data, tmp_path / f"{name}.h5", check_level=False)
+                estimate_file(map_path, data, tmp_path / f"{name}.h5", accept_strain_level=True)
 
     caller = threading.Thread(target=estimate_in_a_loop, daemon=True)
     caller.start()
@@ -148,8 +148,8 @@ def test_a_filtered_linear_map_gives_columns_too(tmp_path: Path) -> None:
             data,
             tmp_path / "out.csv",
             dynamic_pressure=held.nominal_dynamic_pressure,
-            check_level=False,
-            time_constant=1.0,
+            accept_strain_level=True,
+            filter_seconds=1.0,
             smooth=smooth,
         )
         assert len((tmp_path / "out.csv").read_text(encoding="utf-8").splitlines()) == 21
@@ -162,4 +162,4 @@ def test_smoothing_needs_a_filter_and_a_filter_a_map(map_path: Path, tmp_path: P
 
 def test_an_fmu_is_not_filtered(synthetic: SyntheticFiles, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="--filter: expected an inverse map, got an FMU"):
-        estimate_file(synthetic.estimator_1, tmp_path / "flight.h5", tmp_path / "out.h5", time_constant=1.0)
+        estimate_file(synthetic.estimator_1, tmp_path / "flight.h5", tmp_path / "out.h5", filter_seconds=1.0)

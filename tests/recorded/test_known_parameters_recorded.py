@@ -63,15 +63,15 @@ def test_a_column_of_deviations_sharpens(source: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("smooth", [False, True])
 def test_a_column_of_deviations_sharpens_the_filter(tmp_path: Path, smooth: bool) -> None:
-    alone = estimated(tmp_path, {NAME: 1.0}, time_constant=1.0, smooth=smooth)
-    found = estimated(tmp_path, {NAME: 1.0, f"{NAME}_std": 0.05}, time_constant=1.0, smooth=smooth)
+    alone = estimated(tmp_path, {NAME: 1.0}, filter_seconds=1.0, smooth=smooth)
+    found = estimated(tmp_path, {NAME: 1.0, f"{NAME}_std": 0.05}, filter_seconds=1.0, smooth=smooth)
     assert np.all(found[1] < 0.7 * alone[1])
 
 
 def test_a_column_of_deviations_sharpens_the_pressure_field(tmp_path: Path) -> None:
     std = []
     for columns in ({NAME: 1.0}, {NAME: 1.0, f"{NAME}_std": 0.05}):
-        estimated(tmp_path, columns, field_output=tmp_path / "field.vtkhdf")
+        estimated(tmp_path, columns, field=tmp_path / "field.vtkhdf")
         with h5py.File(tmp_path / "field.vtkhdf") as file:
             std.append(np.mean(file["VTKHDF/PointData/sigma_pressure"][:]))
     assert std[1] < 0.4 * std[0]

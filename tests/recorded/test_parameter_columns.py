@@ -38,8 +38,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return made
 
 
-def estimated(folder: Path, source: str, time_constant: float | None = None) -> EstimationSummary:
-    return estimate_file(folder / source, folder / "d.csv", folder / "o.csv", NOMINAL, time_constant=time_constant)
+def estimated(folder: Path, source: str, filter_seconds: float | None = None) -> EstimationSummary:
+    return estimate_file(
+        folder / source, folder / "d.csv", folder / "o.csv", NOMINAL, filter_seconds=time_constant
+    )
 
 
 @pytest.mark.parametrize("source", ["map.h5", "e.fmu"])
@@ -55,7 +57,7 @@ def test_health_and_scores(folder: Path, source: str) -> None:
 
 
 def test_a_filter_keeps_the_health(folder: Path) -> None:
-    estimated(folder, "map.h5", time_constant=0.01)
+    estimated(folder, "map.h5", filter_seconds=0.01)
     assert [HealthState(int(one)) for one in read_csv(folder / "o.csv")["health.state [1]"]] == STATES
 
 

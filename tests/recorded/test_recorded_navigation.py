@@ -141,7 +141,7 @@ def test_all_three_at_once_and_a_filter(tmp_path: Path) -> None:
     flow = {"dynamic_pressure": 0.7 * STATIC * MACH**2, "mach_number": MACH, "static_pressure": STATIC}
     table, _ = estimated(tmp_path, flow)
     np.testing.assert_allclose(numbers(table), expected(**flow), rtol=1e-4, atol=1e-9)
-    filtered, _ = estimated(tmp_path, flow, time_constant=1e-6)
+    filtered, _ = estimated(tmp_path, flow, filter_seconds=1e-6)
     np.testing.assert_allclose(numbers(filtered), expected(**flow), rtol=1e-3, atol=1e-6)
 
 
@@ -161,7 +161,7 @@ def test_navigation_that_is_left_out_is_said_at_the_end(tmp_path: Path, filtered
     q = 0.7 * STATIC * MACH**2
     columns = {"mach_number": 1.25 * MACH, "static_pressure [Pa]": STATIC, "dynamic_pressure [Pa]": q}
     columns["q_source"] = 1.0
-    table, found = estimated(tmp_path, columns, **({"time_constant": 1.0} if filtered else {}))
+    table, found = estimated(tmp_path, columns, **({"filter_seconds": 1.0} if filtered else {}))
     assert not table["navigation_used.mach_number [1]"].any()
     said = "\n".join(found.health_lines())
     assert "DEGRADED: 3 of 3 samples (100 %): " in said

@@ -127,7 +127,7 @@ def test_fmu_and_filter_have_the_columns_of_their_map(case: tuple[Path, InverseM
 
 
 def estimated_columns(folder: Path, source: str, time_constant: float | None) -> list[str]:
-    estimate_file(folder / source, folder / "d.csv", folder / "o.csv", time_constant=time_constant)
+    estimate_file(folder / source, folder / "d.csv", folder / "o.csv", filter_seconds=time_constant)
     return list(read_csv(folder / "o.csv"))
 
 

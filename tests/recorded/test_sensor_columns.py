@@ -186,7 +186,7 @@ def test_nonlinear_estimator_takes_them(tmp_path: Path, filtered: bool) -> None:
         headings.append(name)
         columns.append(np.array([one.flow[name] for one in flown]))
     data = write_csv(tmp_path / "d.csv", [*headings, "thrust [N]"], *columns, THRUST)
-    estimate_file(tmp_path / "map.h5", data, tmp_path / "o.csv", time_constant=0.5 if filtered else None)
+    estimate_file(tmp_path / "map.h5", data, tmp_path / "o.csv", filter_seconds=0.5 if filtered else None)
     estimator, found = Estimator(held).filter(0.5 if filtered else 0.0), read_csv(tmp_path / "o.csv")
     for k, (one, row) in enumerate(zip(flown, readings, strict=True)):
         known = {name: one.flow[name] for name in ("mach_number", "dynamic_pressure")}

@@ -263,7 +263,7 @@ def test_a_gap_of_weeks_begins_again(tmp_path: Path, smooth: bool) -> None:
     for name, rows in (("whole", slice(0, 6)), ("after", slice(3, 6))):
         data = write_csv(tmp_path / f"{name}.csv", headings, time[rows], strain[rows], flow[rows])
         out = tmp_path / f"{name}_loads.csv"
-        estimate_file(tmp_path / "map.h5", data, out, time_constant=1.0, smooth=smooth)
+        estimate_file(tmp_path / "map.h5", data, out, filter_seconds=1.0, smooth=smooth)
         tables[name] = np.genfromtxt(out, delimiter=",", names=True, deletechars="", replace_space=" ")
     # Not to the bit: the iterations start from the last state in one of the two, from a search in the other.
     whole, after = (tables[name][-3:] for name in ("whole", "after"))

@@ -105,7 +105,7 @@ def test_filtered(held: InverseMap, source: Path, tmp_path: Path) -> None:
     strain, temperature = drawn(18)
     headings = ["time", *held.gauge_names, *(f"temperature[{i + 1}]" for i in range(N_T))]
     data = write_csv(tmp_path / "d.csv", headings, 1e-3 * np.arange(K), held.mean_strain + strain, temperature)
-    summary = estimate_file(source, data, tmp_path / "o.csv", NOMINAL, time_constant=1.0)
+    summary = estimate_file(source, data, tmp_path / "o.csv", NOMINAL, filter_seconds=1.0)
     assert not any("temperature" in note for note in summary.notes)
     time, linear = 1e-3 * np.arange(K), Estimator(held).filter(1.0)
     found = linear.track(held.mean_strain + strain, NOMINAL, time=time, temperature=temperature)

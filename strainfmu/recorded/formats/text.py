@@ -11,7 +11,7 @@ import io
 import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 from functools import cache
 from io import BytesIO
 from itertools import islice
@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from strainfmu.arrays import FloatArray
-from strainfmu.errors import InputError
+from strainfmu.errors import InputError, importable
 from strainfmu.recorded.names import name_and_unit, split_heading
 from strainfmu.recorded.table import Column, Frame, Piece, Reading, Table
 from strainfmu.text_cells import (
@@ -72,9 +72,9 @@ Line = tuple[int, int, list[str]]
 """Number of the line, from 1, of lines that it takes, and cells."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(eq=False, kw_only=True)
 class Layout:
-    """Where what stands in a text.
+    """Where what stands in a text, and its samples, which are read once.
 
     Attributes
     ----------
@@ -87,6 +87,7 @@ class Layout:
     remarks : lines for the user; it takes more on what the cells show as they are read.
     """
 
+    path: Path
     encoding: str
     delimiter: str
     columns: tuple[Column, ...]
@@ -95,22 +96,179 @@ class Layout:
     width: int
     numerals: Numerals
     remarks: list[str]
+    _indices: Sequence[int] = ()
+    _needed: int = 0
+    _doubtful: list[tuple[int, str, InputError]] = field(default_factory=list)
+    _empty: list[int] = field(default_factory=list)
+
+    def pieces(self, indices: Sequence[int], begin: int = 0) -> Iterator[Piece]:
+        """Yield the samples of the columns ``indices``, some thousand at a time, with their lines.
+
+        Raises
+        ------
+        InputError
+            A line has too few or too many cells, or a cell is no number.
+        """
+        assert not begin, "lines are not counted ahead"
+        self._indices, self._needed = indices, max(indices, default=0) + 1
+        size, width = self.path.stat().st_size, 4 if "32" in self.encoding else 2 if "16" in self.encoding else 1
+        line, position, has_samples = self.lines_ahead, 0, False
+        with self.path.open(encoding=self.encoding, errors="replace") as stream:  # every end of a line as "\n"
+            for _ in range(line):
+                stream.readline()
+            while text := _next_lines(stream):
+                if self.delimiter == BLANKS:
+                    text = "".join(f"{' '.join(row.split())}\n" for row in text.splitlines())
+                read = self._plain(text, line)
+                if read is None:
+                    read = self._rows(text, line)
+                else:
+                    self._refuse_doubtful()
+                line += text.count("\n")
+                position = position + width * len(text) if len(text) > PIECE else size
+                lines, values = self._without_empty_end(*read)
+                if len(lines):
+                    has_samples = True
+                    yield lines, values, position
+        if not has_samples or len(self._doubtful) > LONGEST_FOOTER:
+            self._refuse_doubtful()
+        footer = sorted({*self._empty, *(line for line, *_ in self._doubtful)})
+        if footer and has_samples:
+            text = next((text for _, text, _ in self._doubtful), "")
+            where = f"line {footer[0]}" if len(footer) == 1 else f"lines {footer[0]} to {footer[-1]}"
+            self.remarks.append(
+                f"{self.path}: {where}: at the end of the file, no sample: left out ('{text[:40]}')"
+            )
+
+    def _without_empty_end(self, lines: Any, values: list[FloatArray]) -> tuple[Any, list[FloatArray]]:
+        """Return samples behind the empty ones that ended the piece before, without empty ones at their end."""
+        if self._empty:
+            lines = np.concatenate([self._empty, lines])
+            values = [np.concatenate([np.full(len(self._empty), np.nan), column]) for column in values]
+        n = len(lines)
+        while n and all(np.isnan(column[n - 1]) for column in values):
+            n -= 1
+        self._empty = lines[n:].tolist()
+        return lines[:n], [column[:n] for column in values]
+
+    def _refuse_doubtful(self) -> None:
+        """Raise what is wrong with lines that are not at the end, as samples follow them."""
+        for *_, error in self._doubtful:
+            raise error
+
+    def _plain(self, text: str, ahead: int) -> tuple[Any, list[FloatArray]] | None:
+        """Return line and numbers of each sample of a piece of plain numbers by pyarrow, None of any other.
+
+        Nothing is read here that csv would not read: a piece in which a cell is no plain number, a line has
+        another number of cells or is empty, or a cell is in quotes, is None.
+        """
+        mark, arrow = self.numerals.mark, importable("pyarrow.csv")
+        # Without a mark so far the cells are to show it; pyarrow takes nan(1) for a number.
+        if arrow is None or '"' in text or "(" in text or (not mark and ("." in text or "," in text)):
+            return None
+        width = max(len(self.columns), self.width)
+        surplus = range(len(self.columns), width)
+        dated = self.forms.keys() & set(self._indices)
+        texts = {*dated, *surplus}
+        names = {i: str(i) for i in (*self._indices, *surplus)}
+        data = text.encode()
+        try:
+            table = arrow.read_csv(
+                BytesIO(data),
+                read_options=arrow.ReadOptions(
+                    column_names=[str(i) for i in range(width)],
+                    use_threads=False,
+                    block_size=len(data) + 1,
+                ),
+                parse_options=arrow.ParseOptions(
+                    delimiter=self.delimiter, quote_char=False, ignore_empty_lines=True
+                ),
+                convert_options=arrow.ConvertOptions(
+                    column_types={name: "string" if i in texts else "float64" for i, name in names.items()},
+                    include_columns=list(names.values()),
+                    null_values=_NO_VALUE,
+                    strings_can_be_null=False,
+                    decimal_point=mark or ".",
+                ),
+            )
+        except Exception:  # pyarrow raises errors of several kinds
+            return None
+        lines = np.arange(ahead + 1, ahead + 1 + text.count("\n") + (not text.endswith("\n")))
+        cells = {i: table.column(names[i]).to_pylist() for i in texts}
+        if len(table) != len(lines) or any(cell.strip() for i in surplus for cell in cells[i]):
+            return None
+        values = {i: _array(table.column(name)) for i, name in names.items() if i not in texts}
+        for column in values.values():
+            wild = np.abs(column) >= min(NO_NUMBERS)
+            if np.isinf(column[wild]).any():
+                return None
+            column[wild & np.isin(np.abs(column), NO_NUMBERS)] = np.nan
+        for i in dated:
+            stamps = zip(cells[i], lines.tolist(), strict=True)
+            values[i] = np.array([self._number(stamp.strip(), i, line) for stamp, line in stamps])
+        return lines, [values[i] for i in self._indices]
+
+    def _rows(self, text: str, ahead: int) -> tuple[Any, list[FloatArray]]:
+        """Return line and numbers of each sample of a piece; ``ahead`` lines stand above it."""
+        reader = csv.reader(io.StringIO(text, newline=""), delimiter=self.delimiter)
+        lines, values = list[int](), list[list[float]]()
+        is_cut, end = not text.endswith("\n"), text.count("\n") + 1
+        try:
+            for cells in reader:
+                if not cells or (len(cells) == 1 and not cells[0].strip()):
+                    continue
+                line = ahead + reader.line_num
+                try:
+                    row = self._sample(cells, line, is_last=is_cut and reader.line_num == end)
+                except _NoSample as error:
+                    self._doubtful.append((line, self.delimiter.join(cells), error))
+                    continue
+                self._refuse_doubtful()
+                lines.append(line)
+                values.append(row)
+        except csv.Error as error:
+            raise InputError(f"{self.path}: line {ahead + reader.line_num}: {error}") from error
+        table = np.array(values).reshape(len(lines), len(self._indices))
+        return np.array(lines, dtype=int), list(np.ascontiguousarray(table.T))
+
+    def _sample(self, cells: Sequence[str], line: int, is_last: bool) -> list[float]:
+        """Return the cells in use as numbers; an empty cell is no value.
+
+        A line that may end the file raises _NoSample: it has too few cells, a word for its time, or is cut.
+        """
+        # A surplus cell shifts all after it, as a decimal comma between commas does.
+        surplus = any(cell.strip() for cell in cells[len(self.columns) :])
+        is_short = len(cells) < self._needed or (is_last and len(cells) < self.width)
+        if surplus or is_short:
+            fault = f"{self.path}: line {line}: expected {len(self.columns)} cells, got {len(cells)}"
+            raise (_NoSample if is_short else InputError)(fault)
+        try:
+            return [self._number(cells[i].strip(), i, line) for i in self._indices]
+        except InputError as error:
+            if is_last or not any(mark.isdigit() for mark in cells[self._indices[0]]):
+                raise _NoSample(str(error)) from error
+            raise
+
+    def _number(self, text: str, column: int, line: int) -> float:
+        if not text:
+            return float("nan")
+        was_grouped, name = self.numerals.grouped, self.columns[column].name
+        try:
+            number = self.forms[column].seconds(text) if column in self.forms else self.numerals.number(text)
+        except ValueError as error:
+            raise InputError(f"{self.path}: line {line}, column '{name}': {error}, got '{text[:40]}'") from error
+        if self.numerals.grouped != was_grouped:
+            self.remarks.append(
+                f"{self.path}: line {line}, column '{name}': '{text}' read as {number:.12g}: numbers with "
+                "separators of thousands"
+            )
+        return number
 
 
 def text_table(path: Path, reading: Reading, stack: ExitStack) -> Table:
     """Open a text with columns; its headings are the line with the names that ``reading`` knows."""
     layout = text_layout(path, reading)
-
-    def pieces(indices: Sequence[int], begin: int = 0) -> Iterator[Piece]:
-        assert not begin, "lines are not counted ahead"
-        return _Samples(path, layout, indices).pieces()
-
-    frame = Frame(
-        columns=layout.columns,
-        pieces=pieces,
-        length=path.stat().st_size,
-        counted="line",
-    )
+    frame = Frame(columns=layout.columns, pieces=layout.pieces, length=path.stat().st_size, counted="line")
     return Table(path, (frame,), layout.remarks)
 
 
@@ -172,6 +330,7 @@ def text_layout(path: Path, reading: Reading) -> Layout:
         more = f" and {len(passed) - 6} more" if len(passed) > 6 else ""
         remarks.append(f"{path}: between headings and samples, not read: line {shown}{more}")
     return Layout(
+        path=path,
         encoding=encoding,
         delimiter=delimiter,
         columns=tuple(columns),
@@ -362,183 +521,6 @@ def _units(path: Path, headings: Sequence[str], cells: Sequence[str]) -> tuple[s
     return tuple(units)
 
 
-@dataclass(eq=False)
-class _Samples:
-    """Turns the cells of the columns ``indices`` of a text into numbers, in this order."""
-
-    path: Path
-    layout: Layout
-    indices: Sequence[int]
-
-    def __post_init__(self) -> None:
-        layout = self.layout
-        self._dated = {i: replace(form) for i, form in layout.forms.items() if i in self.indices}
-        self._numerals, self._needed = replace(layout.numerals), max(self.indices, default=0) + 1
-        self._doubtful: list[tuple[int, str, InputError]] = []
-        self._empty: list[int] = []
-
-    def pieces(self) -> Iterator[Piece]:
-        """Yield the samples, some thousand at a time, with their lines.
-
-        Raises
-        ------
-        InputError
-            A line has too few or too many cells, or a cell is no number.
-        """
-        size, encoding = self.path.stat().st_size, self.layout.encoding
-        width = 4 if "32" in encoding else 2 if "16" in encoding else 1
-        line, position, has_samples = self.layout.lines_ahead, 0, False
-        with self.path.open(encoding=encoding, errors="replace") as stream:  # every end of a line as "\n"
-            for _ in range(line):
-                stream.readline()
-            while text := _next_lines(stream):
-                if self.layout.delimiter == BLANKS:
-                    text = "".join(f"{' '.join(row.split())}\n" for row in text.splitlines())
-                read = self._plain(text, line)
-                if read is None:
-                    read = self._rows(text, line)
-                else:
-                    self._refuse_doubtful()
-                line += text.count("\n")
-                position = position + width * len(text) if len(text) > PIECE else size
-                lines, values = self._without_empty_end(*read)
-                if len(lines):
-                    has_samples = True
-                    yield lines, values, position
-        if not has_samples or len(self._doubtful) > LONGEST_FOOTER:
-            self._refuse_doubtful()
-        footer = sorted({*self._empty, *(line for line, *_ in self._doubtful)})
-        if footer and has_samples:
-            text = next((text for _, text, _ in self._doubtful), "")
-            where = f"line {footer[0]}" if len(footer) == 1 else f"lines {footer[0]} to {footer[-1]}"
-            self.layout.remarks.append(
-                f"{self.path}: {where}: at the end of the file, no sample: left out ('{text[:40]}')"
-            )
-
-    def _without_empty_end(self, lines: Any, values: list[FloatArray]) -> tuple[Any, list[FloatArray]]:
-        """Return samples behind the empty ones that ended the piece before, without empty ones at their end."""
-        if self._empty:
-            lines = np.concatenate([self._empty, lines])
-            values = [np.concatenate([np.full(len(self._empty), np.nan), column]) for column in values]
-        n = len(lines)
-        while n and all(np.isnan(column[n - 1]) for column in values):
-            n -= 1
-        self._empty = lines[n:].tolist()
-        return lines[:n], [column[:n] for column in values]
-
-    def _refuse_doubtful(self) -> None:
-        """Raise what is wrong with lines that are not at the end, as samples follow them."""
-        for *_, error in self._doubtful:
-            raise error
-
-    def _plain(self, text: str, ahead: int) -> tuple[Any, list[FloatArray]] | None:
-        """Return line and numbers of each sample of a piece of plain numbers by pyarrow, None of any other.
-
-        Nothing is read here that csv would not read: a piece in which a cell is no plain number, a line has
-        another number of cells or is empty, or a cell is in quotes, is None.
-        """
-        mark, arrow = self._numerals.mark, _arrow()
-        # Without a mark so far the cells are to show it; pyarrow takes nan(1) for a number.
-        if arrow is None or '"' in text or "(" in text or (not mark and ("." in text or "," in text)):
-            return None
-        width = max(len(self.layout.columns), self.layout.width)
-        surplus = range(len(self.layout.columns), width)
-        texts = {*self._dated, *surplus}
-        names = {i: str(i) for i in (*self.indices, *surplus)}
-        data = text.encode()
-        try:
-            table = arrow.read_csv(
-                BytesIO(data),
-                read_options=arrow.ReadOptions(
-                    column_names=[str(i) for i in range(width)],
-                    use_threads=False,
-                    block_size=len(data) + 1,
-                ),
-                parse_options=arrow.ParseOptions(
-                    delimiter=self.layout.delimiter, quote_char=False, ignore_empty_lines=True
-                ),
-                convert_options=arrow.ConvertOptions(
-                    column_types={name: "string" if i in texts else "float64" for i, name in names.items()},
-                    include_columns=list(names.values()),
-                    null_values=_NO_VALUE,
-                    strings_can_be_null=False,
-                    decimal_point=mark or ".",
-                ),
-            )
-        except Exception:  # pyarrow raises errors of several kinds
-            return None
-        lines = np.arange(ahead + 1, ahead + 1 + text.count("\n") + (not text.endswith("\n")))
-        cells = {i: table.column(names[i]).to_pylist() for i in texts}
-        if len(table) != len(lines) or any(cell.strip() for i in surplus for cell in cells[i]):
-            return None
-        values = {i: _array(table.column(name)) for i, name in names.items() if i not in texts}
-        for column in values.values():
-            wild = np.abs(column) >= min(NO_NUMBERS)
-            if np.isinf(column[wild]).any():
-                return None
-            column[wild & np.isin(np.abs(column), NO_NUMBERS)] = np.nan
-        for i in self._dated:
-            stamps = zip(cells[i], lines.tolist(), strict=True)
-            values[i] = np.array([self._number(stamp.strip(), i, line) for stamp, line in stamps])
-        return lines, [values[i] for i in self.indices]
-
-    def _rows(self, text: str, ahead: int) -> tuple[Any, list[FloatArray]]:
-        """Return line and numbers of each sample of a piece; ``ahead`` lines stand above it."""
-        reader = csv.reader(io.StringIO(text, newline=""), delimiter=self.layout.delimiter)
-        lines, values = list[int](), list[list[float]]()
-        is_cut, end = not text.endswith("\n"), text.count("\n") + 1
-        try:
-            for cells in reader:
-                if not cells or (len(cells) == 1 and not cells[0].strip()):
-                    continue
-                line = ahead + reader.line_num
-                try:
-                    row = self._sample(cells, line, is_last=is_cut and reader.line_num == end)
-                except _NoSample as error:
-                    self._doubtful.append((line, self.layout.delimiter.join(cells), error))
-                    continue
-                self._refuse_doubtful()
-                lines.append(line)
-                values.append(row)
-        except csv.Error as error:
-            raise InputError(f"{self.path}: line {ahead + reader.line_num}: {error}") from error
-        table = np.array(values).reshape(len(lines), len(self.indices))
-        return np.array(lines, dtype=int), list(np.ascontiguousarray(table.T))
-
-    def _sample(self, cells: Sequence[str], line: int, is_last: bool) -> list[float]:
-        """Return the cells in use as numbers; an empty cell is no value.
-
-        A line that may end the file raises _NoSample: it has too few cells, a word for its time, or is cut.
-        """
-        # A surplus cell shifts all after it, as a decimal comma between commas does.
-        surplus = any(cell.strip() for cell in cells[len(self.layout.columns) :])
-        is_short = len(cells) < self._needed or (is_last and len(cells) < self.layout.width)
-        if surplus or is_short:
-            fault = f"{self.path}: line {line}: expected {len(self.layout.columns)} cells, got {len(cells)}"
-            raise (_NoSample if is_short else InputError)(fault)
-        try:
-            return [self._number(cells[i].strip(), i, line) for i in self.indices]
-        except InputError as error:
-            if is_last or not any(mark.isdigit() for mark in cells[self.indices[0]]):
-                raise _NoSample(str(error)) from error
-            raise
-
-    def _number(self, text: str, column: int, line: int) -> float:
-        if not text:
-            return float("nan")
-        was_grouped, name = self._numerals.grouped, self.layout.columns[column].name
-        try:
-            number = self._dated[column].seconds(text) if column in self._dated else self._numerals.number(text)
-        except ValueError as error:
-            raise InputError(f"{self.path}: line {line}, column '{name}': {error}, got '{text[:40]}'") from error
-        if self._numerals.grouped != was_grouped:
-            self.layout.remarks.append(
-                f"{self.path}: line {line}, column '{name}': '{text}' read as {number:.12g}: numbers with "
-                "separators of thousands"
-            )
-        return number
-
-
 class _NoSample(InputError):
     """A line is no sample, as lines at the end of a file may be."""
 
@@ -561,16 +543,6 @@ _NO_VALUE = [
     ),
 ]
 """The usual ones of the texts without a value; a piece with others is read by csv."""
-
-
-@cache
-def _arrow() -> Any:
-    """Return the module pyarrow.csv, None where it is not installed."""
-    try:
-        import pyarrow.csv
-    except ImportError:
-        return None
-    return pyarrow.csv
 
 
 def _array(column: Any) -> FloatArray:

@@ -61,7 +61,7 @@ def test_pyarrow_finds_what_csv_finds(tmp_path: Path, monkeypatch: pytest.Monkey
         head = between.join(["time", "G0", "G1"]) + f"{end}0{between}1e-3{between}1e-3{end}"
         path.write_bytes((head + end.join(rows) + end * (number % 2)).encode())
         with monkeypatch.context() as without:
-            without.setattr(text, "_arrow", lambda: None)
+            without.setattr(text, "importable", lambda _: None)
             expected = outcome(path)
         assert outcome(path) == expected, rows
         seen.add(type(expected))
@@ -75,7 +75,7 @@ def test_memory_does_not_grow_with_the_file(
     if is_installed:
         pytest.importorskip("pyarrow")
     else:
-        monkeypatch.setattr(text, "_arrow", lambda: None)
+        monkeypatch.setattr(text, "importable", lambda _: None)
     monkeypatch.setattr(text, "PIECE", 1 << 14)
     most = []
     for n in (3_000, 8_000):
