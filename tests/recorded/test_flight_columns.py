@@ -96,8 +96,8 @@ def test_filtered_and_smoothed_estimates_say_so(
     data, found = write_flights(tmp_path / "flight.h5", strain, one), {}
     for name, options in {
         "static": {},
-        "filtered": {"time_constant": 1.0},
-        "smoothed": {"time_constant": 1.0, "smooth": True},
+        "filtered": {"filter_seconds": 1.0},
+        "smoothed": {"filter_seconds": 1.0, "smooth": True},
     }.items():
         seen: list[int] = []
         summary = estimate_file(
