@@ -73,7 +73,7 @@ Line = tuple[int, int, list[str]]
 
 
 @dataclass(eq=False, kw_only=True)
-class Layout:
+class _Samples:
     """Where what stands in a text, and its samples, which are read once.
 
     Attributes
@@ -266,17 +266,11 @@ class Layout:
 
 
 def text_table(path: Path, reading: Reading, stack: ExitStack) -> Table:
-    """Open a text with columns; its headings are the line with the names that ``reading`` knows."""
-    layout = text_layout(path, reading)
-    frame = Frame(columns=layout.columns, pieces=layout.pieces, length=path.stat().st_size, counted="line")
-    return Table(path, (frame,), layout.remarks)
+    """Open a text with columns.
 
-
-def text_layout(path: Path, reading: Reading) -> Layout:
-    """Return the layout of a text.
-
-    The headings are the line with most known names, the first of several. Without any, they are the line ahead of
-    the first line of numbers, and of a row of units, if it has as many cells; else the columns are ``column[k]``.
+    The headings are the line with most names that ``reading`` knows, the first of several. Without any, they are
+    the line ahead of the first line of numbers, and of a row of units, if it has as many cells; else the columns
+    are ``column[k]``.
 
     Raises
     ------
@@ -329,7 +323,7 @@ def text_layout(path: Path, reading: Reading) -> Layout:
         shown = ", ".join(f"{below[row][0]} ('{label[:30]}')" for row, label in passed[:6])
         more = f" and {len(passed) - 6} more" if len(passed) > 6 else ""
         remarks.append(f"{path}: between headings and samples, not read: line {shown}{more}")
-    return Layout(
+    samples = _Samples(
         path=path,
         encoding=encoding,
         delimiter=delimiter,
@@ -340,6 +334,9 @@ def text_layout(path: Path, reading: Reading) -> Layout:
         numerals=numerals,
         remarks=remarks,
     )
+    length = path.stat().st_size
+    frame = Frame(columns=samples.columns, pieces=samples.pieces, length=length, counted="line")
+    return Table(path, (frame,), remarks)
 
 
 def _first_lines(path: Path, encoding: str) -> list[str]:

@@ -1,8 +1,10 @@
-"""Pieces of CSV text by pyarrow: the numbers, lines and refusals of the module csv, in bounded memory."""
+"""CSV by pyarrow: the numbers, lines and refusals of the module csv, in bounded memory; and the texts it writes."""
 
 from __future__ import annotations
 
+import csv
 import tracemalloc
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +13,7 @@ import pytest
 from strainfmu.errors import InputError
 from strainfmu.recorded.formats import text
 from strainfmu.recorded.names import Wanted
+from strainfmu.recorded.outputs import estimate_writer
 from strainfmu.recorded.samples import open_recording
 
 pytestmark = pytest.mark.fast
@@ -87,3 +90,21 @@ def test_memory_does_not_grow_with_the_file(
         most.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
     assert most[1] < 1.2 * most[0], "of files of 0.3 and 0.7 MB"
+
+
+@pytest.mark.parametrize("text_cells", [["", "G1;G2", "held"], ["", 'G,"1', "zero"]])
+def test_numbers_are_written_as_csv_writes_them(text_cells: list[str], tmp_path: Path) -> None:
+    """Any sizes, whole numbers, both zeros, limits of exponents, none; names that need quotes."""
+    pytest.importorskip("pyarrow")
+    random = np.random.default_rng(4)
+    edges = [0.0, -0.0, 1.0, -7.0, 1e-4, 9.9e-5, 1e10, 9999999999.5, 1e15, 1e16, 5e-324, 1.7e308, np.nan, np.inf]
+    sizes = random.standard_normal(3000) * 10.0 ** random.integers(-20, 20, 3000)
+    numbers = np.concatenate([edges, np.nextafter(edges, 1.0), np.nextafter(edges, -1.0), sizes])
+    columns, texts = [numbers, random.permutation(numbers)], [text_cells[k % 3] for k in range(len(numbers))]
+    expected = StringIO()
+    writer = csv.writer(expected, lineterminator="\n")
+    writer.writerow(["a [s]", "b [1]", "names"])
+    writer.writerows(zip(*(column.tolist() for column in columns), texts, strict=True))
+    with estimate_writer(tmp_path / "o.csv", [("a", "s"), ("b", "1")], ["names"]) as output:
+        output.write([*columns, texts])
+    assert (tmp_path / "o.csv").read_bytes() == expected.getvalue().encode()

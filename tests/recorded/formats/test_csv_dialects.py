@@ -14,7 +14,7 @@ from synthetic_vehicle import SyntheticFiles
 from strainfmu.atmosphere import dynamic_pressure
 from strainfmu.errors import InputError
 from strainfmu.estimator.air_inputs import STATIC_PRESSURE
-from strainfmu.recorded.formats.text import text_layout
+from strainfmu.recorded.formats import open_table
 from strainfmu.recorded.names import FLOW_NAMES, Wanted
 from strainfmu.recorded.samples import Samples, open_recording
 from strainfmu.recorded.table import Reading
@@ -155,8 +155,8 @@ def test_numbers_of_samples_are_not_searched_for_headings(tmp_path: Path, unknow
         asked[name in headings] += 1
         return name in known
 
-    layout = text_layout(tmp_path / "d.csv", Reading(is_known=is_known))
-    assert [column.heading for column in layout.columns] == headings
+    with open_table(tmp_path / "d.csv", Reading(is_known=is_known)) as table:
+        assert [column.heading for column in table.columns] == headings
     assert asked[False] == 0
 
 
