@@ -136,6 +136,7 @@ def test_a_folder_on_two_workers_is_one_data_set(
     np.savetxt(folder / "short.csv", table, delimiter=",", header=heading, comments="")
     for name in (flight.name, "flight 2.h5"):
         (folder / name).write_bytes(flight.read_bytes())
+    (folder / "2025").mkdir()
     output = tmp_path / "loads.parquet"
     code, shown, errors = run(
         "estimate", str(synthetic.map_1), str(folder), "-o", str(output), "--workers", "2", "--part-rows", "16000"
@@ -145,6 +146,7 @@ def test_a_folder_on_two_workers_is_one_data_set(
     assert f"written, {2 * N + 300} samples" in text
     assert text.count("3.001 s behind row") == 1  # what holds for both stands once
     assert " and 1 more: " in text
+    assert "folders in it are passed over: 2025" in text
     on_two = pandas.read_parquet(output)
     on_one, _ = in_parts(synthetic.map_1, folder, tmp_path / "one.parquet")
     pandas.testing.assert_frame_equal(on_two, on_one, check_exact=True)

@@ -40,7 +40,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def estimated(folder: Path, source: str, filter_seconds: float | None = None) -> EstimationSummary:
     return estimate_file(
-        folder / source, folder / "d.csv", folder / "o.csv", NOMINAL, filter_seconds=time_constant
+        folder / source, folder / "d.csv", folder / "o.csv", NOMINAL, filter_seconds=filter_seconds
     )
 
 

@@ -1,4 +1,4 @@
-"""CSV by pyarrow: the numbers, lines and refusals of the module csv, in bounded memory; and the texts it writes."""
+"""CSV by pyarrow: numbers, lines and refusals of the module csv, in bounded memory; and the texts it writes."""
 
 from __future__ import annotations
 
