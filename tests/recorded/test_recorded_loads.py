@@ -1,4 +1,4 @@
-"""Loads in newtons in every kind of output; a gauge that stands still; the course of a flight and its page."""
+"""Loads in newtons in every kind of output; loads beside the five; a gauge that stands still; a flight and its page."""
 
 from __future__ import annotations
 
@@ -10,10 +10,12 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from recorded_case import NAMES, samples, write_csv
+from other_load_maps import with_further
+from recorded_case import NAMES, read_csv, samples, write_csv, write_flight
 from synthetic_vehicle import SyntheticFiles, synthetic_inverse_map
 
 from strainfmu.estimator.estimator import Estimator
+from strainfmu.estimator.map.inverse_map import save_inverse_map
 from strainfmu.interface.estimator_variables import LOADS
 from strainfmu.recorded.outputs import OUTPUT_SUFFIXES
 from strainfmu.recorded.run import estimate_file
@@ -175,3 +177,26 @@ def test_a_page_of_another_kind_is_refused_first(
     assert code == 2
     assert errors.endswith("page.txt: --report: expected one of .html, .pdf, got '.txt'\n")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_loads_beside_the_five_are_columns_with_deviations(tmp_path: Path) -> None:
+    held = with_further(synthetic_inverse_map(1))
+    save_inverse_map(held, tmp_path / "map.h5")
+    _, strain, pressure = samples(20)
+    estimate_file(tmp_path / "map.h5", write_flight(tmp_path / "d.csv"), tmp_path / "o.csv")
+    found, expected = read_csv(tmp_path / "o.csv"), Estimator(held).estimate(strain, pressure)
+    for name, values in {
+        "M_R [1]": expected.M_R,
+        "sigma.M_R [1]": expected.sigma.M_R,
+        "rolling_moment [N m]": expected.rolling_moment,
+        "section.axial[1] [N]": expected.section_loads.axial[:, 0],
+        "section.torsion[1] [N m]": expected.section_loads.torsion[:, 0],
+        "sigma.section.pitch[1] [N m]": expected.section_loads.std[:, 0, 3],
+    }.items():
+        np.testing.assert_allclose(found[name], values, rtol=1e-9, err_msg=name)
+
+
+def test_a_map_without_them_has_no_such_columns(tmp_path: Path) -> None:
+    save_inverse_map(synthetic_inverse_map(1), tmp_path / "map.h5")
+    estimate_file(tmp_path / "map.h5", write_flight(tmp_path / "d.csv"), tmp_path / "o.csv")
+    assert not any("M_R" in name or "section" in name for name in read_csv(tmp_path / "o.csv"))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -130,6 +131,10 @@ def test_a_recorded_dynamic_pressure_is_taken_as_it_is(tmp_path: Path) -> None:
     np.testing.assert_allclose(block.dynamic_pressure, samples(20)[2], rtol=1e-12)
     assert opened.notes == []
     assert opened.selection.unused == ("static_pressure",)
+    path = write_flight(tmp_path / "n.csv", **{"static_pressure [hPa]": 55.0})
+    path.write_text(path.read_text().replace("dynamic_pressure", "dynamic_pressure [kPa]"))
+    with open_recording(path, replace(wanted, navigates=True)) as opened:
+        assert opened.selection.pressure_name == ("dynamic_pressure", 1e3), "its own unit"
 
 
 def test_above_the_atmosphere_there_is_no_dynamic_pressure(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""One recording as recorders, loggers and their owners write it: three gauges and the air data, or the right line.
+"""One recording as recorders write it, by a channel file: three gauges and the air data, or the right line.
 
 Layouts follow public reports of faults of readers, and files of recorders; the values are the same in all.
 """
@@ -102,32 +102,12 @@ def mf4(groups: list[tuple[str, ...]]) -> bytes:
 
 IRIG = [f"124:09:00:{t:09.6f}" for t in TIME]
 LOGGER = [f"{k + 1},2021/05/04,09:00:00,{10000 * k}" for k in range(N)]
-NUMBERED = "".join(
-    f"[[{'channel' if k < 5 else 'flow'}]]\nname = 'column[{k}]'\n"
-    f"{'gauge' if k < 5 else 'quantity'} = '{of}'\nunit = '{unit}'\n"
-    for k, (of, unit) in enumerate(
-        [
-            *((f"G{i}", "um/m") for i in (1, 2, 3)),
-            ("dynamic_pressure", "kPa"),
-            ("mach_number", "1"),
-            ("altitude", "m"),
-        ],
-        start=2,
-    )
-)
 FIXED = [
     "".join(f"{cell:>14}" for cell in line.split(",")) for line in table(",".join(["time", *CHANNELS])).split("\n")
 ]
 
 CASES: dict[str, Callable[[], Case]] = {
     "slow channels of one LVM file": lambda: (".lvm", slow_lvm(), ""),
-    "timestamp": lambda: (".csv", table(headed("timestamp")), ""),
-    "# ahead of the headings": lambda: (".csv", table(headed("# time")), ""),
-    "breaks in headings": lambda: (
-        ".csv",
-        table(",".join(f'"{heading.replace(" [", chr(10) + "[")}"' for heading in ("time [s]", *HEADINGS))),
-        "",
-    ),
     "a text with the suffix of a log": lambda: (
         ".asc",
         table("Messung 1", "", "\t".join(["Zeit", *CHANNELS]), "\t".join(["s", *UNITS]), between="\t").replace(
@@ -148,9 +128,7 @@ CASES: dict[str, Callable[[], Case]] = {
         "time.rate_hz = 100.0\n",
     ),
     "day of the year": lambda: (".csv", table(headed("IRIG time"), times=IRIG), "time.channel = 'IRIG time'\n"),
-    "no headings": lambda: (".csv", table(), "time.channel = 'column[1]'\n" + NUMBERED),
     "blanks": lambda: (".txt", "\n".join(FIXED), MICRO),
-    "minutes": lambda: (".csv", table(headed("Time [min]"), times=[f"{t / 60.0:.9f}" for t in TIME]), ""),
     "a channel in two groups that no entry names": lambda: (
         ".mf4",
         mf4([(*CHANNELS[:3], "Spare"), (*CHANNELS[3:], "Spare")]),
@@ -182,39 +160,6 @@ def test_the_values_are_those_of_the_recording(name: str, tmp_path: Path, monkey
     known = TIME[50] >= TIME if name.startswith("slow") else np.ones(N, dtype=bool)
     np.testing.assert_allclose(pressure[known], 1e3 * expected[known], rtol=1e-9)
     assert np.isnan(pressure[~known]).all()
-
-
-@pytest.mark.parametrize(
-    ("content", "n", "line"),
-    [
-        (table(headed("time"))[:-25], N - 1, "line 61: at the end of the file, no sample: left out ('0.5900,"),
-        (
-            table(headed("time")) + "\nEnd of data\nTotal samples: 60\n",
-            N,
-            "lines 63 to 64: at the end of the file, no sample: left out ('End of data')",
-        ),
-    ],
-    ids=["cut", "footer"],
-)
-def test_what_is_no_sample_at_the_end_is_left_out_and_said(
-    content: str, n: int, line: str, tmp_path: Path
-) -> None:
-    _, strain, _, lines = read((".csv", content, ""), tmp_path)
-    np.testing.assert_allclose(strain, 1e-6 * STRAIN[:n], atol=1e-15)
-    assert len(lines) == 1
-    assert line in lines[0]
-
-
-@pytest.mark.parametrize("code", ["++++++", "BURNOUT"])
-def test_an_overload_is_no_value_of_its_gauge(code: str, tmp_path: Path) -> None:
-    lines = table(headed("time")).split("\n")
-    for k in range(10, 20):
-        cells = lines[k + 1].split(",")
-        lines[k + 1] = ",".join([*cells[:2], code, *cells[3:]])
-    _, strain, _, _ = read((".csv", "\n".join(lines), ""), tmp_path)
-    expected = 1e-6 * STRAIN
-    expected[10:20, 1] = np.nan
-    np.testing.assert_allclose(strain, expected, atol=1e-15)
 
 
 def test_a_name_in_two_groups_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
