@@ -96,6 +96,9 @@ _GROUP_ROWS = 4 * _COLLECTED_ROWS
 _RETAINED = 1 << 16
 """Bytes of each column that HDF5 may retain, less than a chunk, which is written whole; by default 8 MiB."""
 
+_ROWS_BY_CSV = 8000
+"""Rows of a CSV file in which the module csv takes less time than the import of pyarrow."""
+
 _LONGEST_TEXT = 250
 """Characters of a text in MF4, whose records have one length."""
 
@@ -207,10 +210,11 @@ class PartsWriter:
 
 def _csv(temporary: Path, columns: Sequence[Column], texts: Sequence[str], attributes: Mapping[str, Any]) -> Parts:
     with temporary.open("w", newline="", encoding="utf-8") as stream:
-        writer, n = csv.writer(stream, lineterminator="\n"), len(columns)
+        writer, n, rows = csv.writer(stream, lineterminator="\n"), len(columns), 0
         writer.writerow([*(f"{name} [{unit}]" for name, unit in columns), *texts])
         while (table := (yield)) is not None:
-            if (lines := _lines(table[:n], table[n:])) is not None:
+            rows += len(table[0])
+            if rows > _ROWS_BY_CSV and (lines := _lines(table[:n], table[n:])) is not None:
                 stream.write(lines)
             else:
                 writer.writerows(zip(*(values.tolist() for values in table[:n]), *table[n:], strict=True))

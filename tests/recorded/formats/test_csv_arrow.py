@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from strainfmu.errors import InputError
+from strainfmu.recorded import outputs
 from strainfmu.recorded.formats import text
 from strainfmu.recorded.names import Wanted
-from strainfmu.recorded.outputs import estimate_writer
 from strainfmu.recorded.samples import open_recording
 
 pytestmark = pytest.mark.fast
@@ -93,9 +93,12 @@ def test_memory_does_not_grow_with_the_file(
 
 
 @pytest.mark.parametrize("text_cells", [["", "G1;G2", "held"], ["", 'G,"1', "zero"]])
-def test_numbers_are_written_as_csv_writes_them(text_cells: list[str], tmp_path: Path) -> None:
+def test_numbers_are_written_as_csv_writes_them(
+    text_cells: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Any sizes, whole numbers, both zeros, limits of exponents, none; names that need quotes."""
     pytest.importorskip("pyarrow")
+    monkeypatch.setattr(outputs, "_ROWS_BY_CSV", 0)
     random = np.random.default_rng(4)
     edges = [0.0, -0.0, 1.0, -7.0, 1e-4, 9.9e-5, 1e10, 9999999999.5, 1e15, 1e16, 5e-324, 1.7e308, np.nan, np.inf]
     sizes = random.standard_normal(3000) * 10.0 ** random.integers(-20, 20, 3000)
@@ -105,6 +108,6 @@ def test_numbers_are_written_as_csv_writes_them(text_cells: list[str], tmp_path:
     writer = csv.writer(expected, lineterminator="\n")
     writer.writerow(["a [s]", "b [1]", "names"])
     writer.writerows(zip(*(column.tolist() for column in columns), texts, strict=True))
-    with estimate_writer(tmp_path / "o.csv", [("a", "s"), ("b", "1")], ["names"]) as output:
+    with outputs.estimate_writer(tmp_path / "o.csv", [("a", "s"), ("b", "1")], ["names"]) as output:
         output.write([*columns, texts])
     assert (tmp_path / "o.csv").read_bytes() == expected.getvalue().encode()
