@@ -1,4 +1,4 @@
-"""Loads in newtons in every kind of output, loads beside the five, a dead gauge, the course of a flight and its page."""
+"""Loads in newtons in every output, loads beside the five; a gauge that stands still; a flight and its page."""
 
 from __future__ import annotations
 
