@@ -398,8 +398,10 @@ class _Track:
         return periods * self.period if join.limit is None else join.limit
 
     def _joined(self, times: FloatArray, rule: str, limit: float) -> FloatArray:
-        """Return (m, n_c) values at the (m,) times [s] by a rule of :data:`JOINS`: those of the row at that time,
-        else of the one before or the nearest, or between two; NaN where that is farther than ``limit`` [s]."""
+        """Return (m, n_c) values at the (m,) times [s] by a rule of :data:`JOINS`; NaN beyond ``limit`` [s].
+
+        A row at such a time has the value; else the row before or the nearest, or a straight line between two.
+        """
         time, same = self.time, np.nan_to_num(_SAME * self.period)
         last = np.searchsorted(time, times + same, side="right") - 1
         row, following = np.maximum(last, 0), np.minimum(last + 1, len(time) - 1)

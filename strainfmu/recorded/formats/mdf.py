@@ -115,10 +115,6 @@ def _samples(file: Any, group: int, channel: int, rows: slice) -> Any:
     return values
 
 
-def _kind(path: Path) -> str:
-    return f"an {'MF4' if path.suffix.lower() == '.mf4' else 'MDF'} file"
-
-
 @contextmanager
 def opened_mdf(path: Path) -> Iterator[Any]:
     """Open an MDF file; yield asammdf's object.
@@ -138,7 +134,8 @@ def opened_mdf(path: Path) -> Iterator[Any]:
         with limited_memory(path):
             file = _opened(mdf, path)
     if file is None:
-        raise InputError(f"{path}: damaged, or not {_kind(path)}")
+        kind = "MF4" if path.suffix.lower() == ".mf4" else "MDF"
+        raise InputError(f"{path}: damaged, or not an {kind} file")
     with file:
         yield file
 

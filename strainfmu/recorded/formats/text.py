@@ -297,7 +297,7 @@ def text_table(path: Path, reading: Reading, stack: ExitStack) -> Table:
         raise InputError(f"{path}: no headings found in the first line")
     used = [i for i, heading in enumerate(headings) if is_known(split_heading(heading)[0])]
     used = used or list(range(len(headings)))
-    ahead, units, passed = _rows_of_information(path, headings, [cells for *_, cells in below], used)
+    ahead, units, passed = _rows_of_information([cells for *_, cells in below], used)
     filled = [line for line in below[ahead:] if any(cell.strip() for cell in line[2])]
     numerals = Numerals("," if delimiter == "," else "")
     numerals.learn(cells[i].strip() for *_, cells in filled for i in used if i < len(cells))
@@ -307,7 +307,12 @@ def text_table(path: Path, reading: Reading, stack: ExitStack) -> Table:
     columns, forms, remarks = list[Column](), dict[int, TimeForm](), list[str]()
     for i, heading in enumerate(headings):
         name, unit = name_and_unit(heading, is_known)
-        unit, dated = unit if units is None else units[i], ""
+        stated, dated = _unit(units[i]) if i < len(units) else "", ""
+        if unit and stated and unit != stated:
+            raise InputError(
+                f"{path}: column '{heading}': unit: expected one, got '{unit}' in the heading and '{stated}' below"
+            )
+        unit = stated or unit
         first = first_row[i].strip() if i < len(first_row) else ""
         is_time = is_known(name) and bool(first) and not is_number(first)
         if is_time and (form := time_form(first, reading.date_order)) is not None:
@@ -452,21 +457,21 @@ def _uncommented(cells: Sequence[str]) -> list[str]:
 
 
 def _rows_of_information(
-    path: Path, headings: Sequence[str], rows: Sequence[Sequence[str]], used: Sequence[int]
-) -> tuple[int, tuple[str | None, ...] | None, list[tuple[int, str]]]:
-    """Return the number of rows ahead of the first sample, the units by a row of them, and the other rows.
+    rows: Sequence[Sequence[str]], used: Sequence[int]
+) -> tuple[int, Sequence[str], list[tuple[int, str]]]:
+    """Return the number of rows ahead of the first sample, a row of units, empty without one, and the other rows.
 
     Ahead of the samples may stand, for each channel, its unit, rate, range or date. No row is passed over where no
     sample follows it: what is wrong in a file without samples is said of its first row.
     """
     samples = (index for index, row in enumerate(rows) if _is_sample(row, used) and not _is_row_of_units(row))
     first = next(samples, None)
-    units, passed, ahead = None, [], 0
+    units, passed, ahead = list[str](), list[tuple[int, str]](), 0
     for index, row in enumerate(rows[:first]):
         if not any(cell.strip() for cell in row):
             continue
-        if units is None and _is_row_of_units(row):
-            units, ahead = _units(path, headings, row), index + 1
+        if not units and _is_row_of_units(row):
+            units, ahead = list(row), index + 1
         elif first is not None:
             passed.append((index, row[0].strip()))
     return (ahead if first is None else first), units, passed
@@ -502,20 +507,6 @@ def _is_row_of_units(cells: Sequence[str]) -> bool:
     return not any(unit != "1" and is_number(unit) and unit not in NUMBER_UNITS for unit in units) and any(
         unit in ALL_UNITS and unit not in NUMBER_UNITS for unit in units
     )
-
-
-def _units(path: Path, headings: Sequence[str], cells: Sequence[str]) -> tuple[str | None, ...]:
-    """Return the unit of each heading by the row of units; one in the heading must agree."""
-    units: list[str | None] = []
-    for column, heading in enumerate(headings):
-        below = _unit(cells[column]) if column < len(cells) else ""
-        ahead = split_heading(heading)[1]
-        if ahead and below and ahead != below:
-            raise InputError(
-                f"{path}: column '{heading}': unit: expected one, got '{ahead}' in the heading and '{below}' below"
-            )
-        units.append(below or ahead or None)
-    return tuple(units)
 
 
 class _NoSample(InputError):
