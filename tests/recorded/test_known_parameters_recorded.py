@@ -42,10 +42,10 @@ def estimated(folder: Path, columns: dict[str, float], source: str = "map.h5", *
     rows = [[0.01 * i, *strain, Q, 6.5, 1.0, *columns.values()] for i in range(3)]
     text = [",".join(names), *(",".join(f"{one:.12g}" for one in row) for row in rows)]
     (folder / "flight.csv").write_text("\n".join(text) + "\n", encoding="utf-8")
-    save_inverse_map(known_map(keep_field="field_output" in options), folder / "map.h5")
+    save_inverse_map(known_map(keep_field="field" in options), folder / "map.h5")
     if source != "map.h5" and not (folder / source).exists():
         export_estimator(folder / "map.h5", folder / source, ExportOptions())
-    estimate_file(folder / source, folder / "flight.csv", folder / "loads.csv", **options)  # type: ignore[arg-type]  # kinds by name
+    estimate_file(folder / source, folder / "flight.csv", folder / "loads.csv", **options)
     table = np.genfromtxt(folder / "loads.csv", delimiter=",", names=True, deletechars="", replace_space=" ")
     return np.array([table["M_R [1]"], table["sigma.M_R [1]"]])
 
