@@ -158,7 +158,7 @@ def test_filter_takes_them_as_rows(folder: Path, tmp_path: Path) -> None:
     usable = np.where(np.abs(rows) <= LARGEST, rows, np.nan)
     plain = write_csv(tmp_path / "p.csv", ["time", *plain_map().gauge_names], 1e-3 * np.arange(K), usable)
     data = written(tmp_path / "d.csv", readings)
-    options = {"time_constant": 0.01, "smooth": True}
+    options = {"filter_seconds": 0.01, "smooth": True}
     estimate_file(folder / "map.h5", data, tmp_path / "o.csv", NOMINAL, **options)
     estimate_file(folder / "plain.h5", plain, tmp_path / "q.csv", NOMINAL, **options)
     found, expected = read_csv(tmp_path / "o.csv"), read_csv(tmp_path / "q.csv")
