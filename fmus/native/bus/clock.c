@@ -134,7 +134,7 @@ static double usual_difference(const SbPlan *p, const SbState *s, double tick) {
 static double time_set(const SbPlan *p, const Step *step, double usual) {
     const int ran_ahead = step->off < -0.75 * p->cycle && fabs(step->time - step->passed) < 0.25 * p->cycle;
     const double set = ran_ahead ? step->time - p->cycle : step->off;
-    return step->time > 0.0 && fabs(set) > usual ? set : 0.0;
+    return fabs(set) > usual ? set : 0.0;
 }
 
 /* A clock that was set ahead may hide as much delay; one that was set back was ahead by less than it seemed. */
