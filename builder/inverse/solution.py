@@ -245,7 +245,7 @@ def pressure_modes(problem: Problem) -> PressureModes:
     weights = area_weights(problem.node_area) if problem.entry.inner_product == "area" else None
     if problem.ensemble.grid is not None:
         modes = rolled_modes(problem.ensemble, weights)
-        return turned_to_gauges(modes, problem.noise[0].whitened(problem.strain_operator))
+        return turned_to_gauges(modes, problem.noise[0].whitened(problem.strain_operator @ modes.modes))
     return proper_orthogonal_decomposition(problem.ensemble.pressure, weights)
 
 

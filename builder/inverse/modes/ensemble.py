@@ -278,7 +278,7 @@ def rolled_modes(ensemble: Ensemble, weights: FloatArray | None) -> PressureMode
     )
 
 
-def turned_to_gauges(modes: PressureModes, whitened_operator: FloatArray) -> PressureModes:
+def turned_to_gauges(modes: PressureModes, whitened_strain: FloatArray) -> PressureModes:
     """Return the modes of a rolled ensemble, each pair turned so that the gauges observe its first mode best.
 
     The two phases of a harmonic have the same variance, so the POD leaves their common roll angle open. Gauges
@@ -287,15 +287,14 @@ def turned_to_gauges(modes: PressureModes, whitened_operator: FloatArray) -> Pre
 
     Parameters
     ----------
-    whitened_operator : (n_d, n_p) L^-1 Z_p [1/Pa] with the root L of the gauges' noise.
+    whitened_strain : (n_d, k) L^-1 Z_p V of the modes V [1/Pa], with the root L of the gauges' noise.
     """
     std, turned, first = modes.coefficient_std, modes.modes.copy(), 0
-    strain = whitened_operator @ modes.modes
     while first < len(std):
         last = first + int(np.sum(std[first:] >= (1.0 - _SAME) * std[first]))
         if last - first > 1:
             pair = turned[:, first:last]
-            turned[:, first:last] = pair @ np.linalg.svd(strain[:, first:last], full_matrices=False)[2].T
+            turned[:, first:last] = pair @ np.linalg.svd(whitened_strain[:, first:last], full_matrices=False)[2].T
         first = last
     return replace(modes, modes=turned * signs(turned))
 

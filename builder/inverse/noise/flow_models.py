@@ -111,7 +111,7 @@ def flow_model_errors(
     if newtonian is not None:
         off = sizes.of_newtonian * (newtonian.pressure - ensemble.pressure)
         difference = replace(ensemble, pressure=off, fixed_pressure=0.0)
-        members = difference.responses(np.vstack([strain, load]))
+        members = np.hstack([difference.responses(strain), difference.responses(load)])
         rows = np.sqrt(difference.member_weight @ members**2)
         rows[rows == 0.0] = 1.0  # rows of unlike units cost no digits
         blocks = difference.columns_by_harmonic(members / rows)

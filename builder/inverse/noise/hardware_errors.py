@@ -212,10 +212,10 @@ def hardware_errors(
         derivatives = strain_derivatives(vehicle, structure, layout, keys)
         strain = {key: ensemble.responses(derivative) for key, derivative in derivatives.items()}
     kinds = [KINDS[key[0]] for key in keys]
-    errors = [
-        HardwareError(name=kind.column_name, strain=kind.std(entry) * strain[key], common=kind.extent != "gauge")
-        for kind, key in zip(kinds, keys, strict=True)
-    ]
+    errors = list[HardwareError]()
+    for kind, key in zip(kinds, keys, strict=True):
+        strain[key] *= kind.std(entry)  # in place: of many gauges the largest arrays of a build
+        errors.append(HardwareError(name=kind.column_name, strain=strain[key], common=kind.extent != "gauge"))
     if modulus_std > 0.0:
         of_modulus = modulus_std * ensemble.responses(strain_operator)
         gains = sum(kind.name in GAINS for kind in kinds)
