@@ -166,6 +166,7 @@ RACK = (
     (700_623, "the clock is set back by a seventh of a cycle"),
     (8_310_041, "the clock is set ahead in a burst of late cycles, whose last ones fit the clock of before"),
     (8_330_106, "the clock is set ahead by as much as frames are held, while a recording comes in their place"),
+    (9_850_073, "clock and counter jump together, the counter by more than has passed, and frames are held"),
     (9_800_426, "the clock is set back by nearly the largest age among lost cycles: it says nothing of a delay"),
 )
 

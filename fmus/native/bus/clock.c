@@ -129,10 +129,12 @@ static double usual_difference(const SbPlan *p, const SbState *s, double tick) {
     return usual < most ? usual : most;
 }
 
-/* By how much the clock was set in a step, or a sample was late: more than is usual. A counter that ran ahead of both clocks
-   says that one cycle has passed at least. */
+/* By how much the clock was set in a step, or a sample was late: more than is usual. A counter that ran ahead of both clocks, or
+   of ours by more than strains are held, says that one cycle has passed at least. */
 static double time_set(const SbPlan *p, const Step *step, double usual) {
-    const int ran_ahead = step->off < -0.75 * p->cycle && fabs(step->time - step->passed) < 0.25 * p->cycle;
+    const int agree = fabs(step->time - step->passed) < 0.25 * p->cycle;
+    const int is_early = step->steps * p->cycle > step->passed + p->max_age + p->cycle;
+    const int ran_ahead = step->off < -0.75 * p->cycle && (agree || is_early);
     const double set = ran_ahead ? step->time - p->cycle : step->off;
     return fabs(set) > usual ? set : 0.0;
 }
