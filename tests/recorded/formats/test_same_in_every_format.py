@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
+from collections.abc import Callable
 from pathlib import Path
 
 import h5py
@@ -11,17 +12,21 @@ import numpy as np
 import pytest
 from flight_fmu import whole_map
 from flight_maps import exact_response
+from recorded_case import NAMES, read_csv, write_csv
 from recorded_formats import WRITERS, Columns, Group, Groups, Writer, uff_set
+from recordings import RECORDINGS, flown
+from synthetic_vehicle import SyntheticFiles
 
 import strainfmu
 from strainfmu.errors import InputError
-from strainfmu.estimator.map.inverse_map import save_inverse_map
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, save_inverse_map
 from strainfmu.recorded.formats import open_table
 from strainfmu.recorded.run import estimate_file
 from strainfmu.recorded.table import Reading
 from strainfmu.units import LENGTH_UNITS, NUMBER_UNITS, PRESSURE_UNITS, STRAIN_UNITS
 
 pytestmark = pytest.mark.fast
+Run = Callable[..., tuple[int, str, str]]
 N_D, SAMPLES = whole_map().n_gauges, 12
 TIME = 0.01 * np.arange(SAMPLES)
 STRAIN = exact_response(6.0, 0.03, 0.01, 5500.0)[:N_D] + 1e-7 * np.random.default_rng(3).standard_normal(
@@ -127,6 +132,31 @@ def test_every_format_gives_the_estimates_of_the_others(
         for name, values in wanted.items():
             digits = 1e-6 if write is WRITERS["lvm"] else 1e-9  # a text with nine decimals
             np.testing.assert_allclose(found[name], values, rtol=digits, atol=1e-12, err_msg=name)
+
+
+@pytest.mark.parametrize("name", RECORDINGS)
+def test_recordings_of_other_programs_give_equal_estimates(
+    name: str, synthetic: SyntheticFiles, tmp_path: Path, run: Run
+) -> None:
+    """Twelve files of one flight, in formats and units of their own."""
+    library = {"tdms": "nptdms", "parquet": "pyarrow", "mf4": "asammdf", "csv": "pandas", "mat": "scipy"}
+    pytest.importorskip(library.get(name.partition("_")[0], "h5py"))
+    time, strain, pressure = flown()
+    plain = write_csv(tmp_path / "plain.csv", ["time", *NAMES, "dynamic_pressure"], time, strain, pressure)
+    estimate_file(synthetic.map_1, plain, tmp_path / "plain_out.csv")
+    data, channels = RECORDINGS[name](tmp_path)
+    code, out, errors = run(
+        *("estimate", synthetic.map_1, data, "-o", tmp_path / "o.csv", "--channels", channels),
+        *("--columns", "all"),
+    )
+    assert (code, errors) == (0, ""), errors
+    assert "left out" not in out
+    found, expected = read_csv(tmp_path / "o.csv"), read_csv(tmp_path / "plain_out.csv")
+    np.testing.assert_allclose(found["time [s]"], expected["time [s]"], atol=2e-9)
+    sigmas = () if name == "csv_mach" else tuple(f"sigma.{one}" for one in COEFFICIENT_NAMES)  # q is computed
+    for coefficient in (*COEFFICIENT_NAMES, *sigmas):
+        heading = f"{coefficient} [1]"
+        np.testing.assert_allclose(found[heading], expected[heading], rtol=1e-7, atol=1e-9, err_msg=coefficient)
 
 
 def test_the_extra_all_holds_what_readers_ask_for() -> None:
