@@ -32,13 +32,6 @@ static const double SETTLE = 30.0; /* for which a bound widens where restarts ar
 static const double LONGEST_DELAY = 10.0; /* above what a sender can state [s] */
 static const double EPSILON = 1e-6;
 
-/* By how much sample times of `bits` are ahead of others, which wrap. */
-int64_t ticks_ahead(int64_t ticks, int64_t than, int bits) {
-    const int unused = 64 - bits;
-    const uint64_t ahead = ((uint64_t)ticks - (uint64_t)than) << unused;
-    return ahead >> 63 ? -(int64_t)((~ahead + 1) >> unused) : (int64_t)(ahead >> unused);
-}
-
 /* The time of a cycle, or of a frame: the sender's sample time and counter, -1 for none; bits and unit of the former; ours, and
    when it is used. */
 typedef struct {
@@ -46,6 +39,13 @@ typedef struct {
     int counter, bits;
     double tick, local, now; /* [s] */
 } Sample;
+
+/* By how much sample times of `bits` are ahead of others, which wrap. */
+int64_t ticks_ahead(int64_t ticks, int64_t than, int bits) {
+    const int unused = 64 - bits;
+    const uint64_t ahead = ((uint64_t)ticks - (uint64_t)than) << unused;
+    return ahead >> 63 ? -(int64_t)((~ahead + 1) >> unused) : (int64_t)(ahead >> unused);
+}
 
 /* The same in seconds of a clock that may have wrapped meanwhile: it has gone on for about as long as ours, `passed`. */
 static double time_ahead(const Sample *at, int64_t than, double passed) {
