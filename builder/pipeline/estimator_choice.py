@@ -12,7 +12,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from math import degrees
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -41,6 +42,8 @@ FACTS = "estimator_choice"
 """Name of the choice in the provenance of a map."""
 
 SEED = 35
+
+TOTAL_INCIDENCE = "total_incidence"
 
 Chosen = Literal["linear", "nonlinear"]
 
@@ -138,12 +141,37 @@ def as_chosen(inverse_map: InverseMap, choice: Choice) -> InverseMap:
     return replace(chosen, provenance={**chosen.provenance, FACTS: choice.record()})
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class LeftOut:
-    """Snapshots that a map is made without, ``kept_rows`` (k,) those it is made from, and their ``name``."""
+class LeftOut(NamedTuple):
+    """Flows that a map is made without: what they have in common, and their rows of the snapshots."""
 
-    kept_rows: IntArray
     name: str
+    rows: IntArray
+
+
+def at_each_value(conditions: Sequence[FlightCondition], name: str) -> list[LeftOut]:
+    """Return the flows at each value of a condition, in order: a map can do without one but the ends.
+
+    Empty where there are too few values: Mach numbers need three, angles four.
+    """
+    value = np.round([getattr(condition, name) for condition in conditions], SAME_VALUE)
+    distinct = np.unique(value)
+    if len(distinct) < FEWEST_VALUES.get(name, 4):
+        return []
+    return [
+        LeftOut(
+            f"M {at:g}" if name == MACH_NUMBER else f"{_WORDS[name]} {degrees(at):.4g} deg",
+            np.flatnonzero(value == at),
+        )
+        for at in distinct.tolist()
+    ]
+
+
+SAME_VALUE = 6
+"""Decimals of Mach numbers and angles [rad] by which values are told apart."""
+
+FEWEST_VALUES = {MACH_NUMBER: 3}
+
+_WORDS = {TOTAL_INCIDENCE: "total incidence", "angle_of_attack": "angle of attack", "sideslip_angle": "sideslip"}
 
 
 def compared_on_left_out(
@@ -156,11 +184,12 @@ def compared_on_left_out(
     omitted = left_out(snapshots, problem.ensemble)
     if omitted is None:
         return linear_because("too few conditions to make a map without some of them")
+    chosen = snapshots.chosen(np.setdiff1d(np.arange(len(snapshots.condition)), omitted.rows))
     try:
-        made = build(snapshots.chosen(omitted.kept_rows))
+        made = build(chosen)
     except InputError as error:
         return linear_because(f"no map can be made without {omitted.name} ({error})")
-    kept_keys = {_key(condition) for condition in snapshots.chosen(omitted.kept_rows).conditions()}
+    kept_keys = {_key(condition) for condition in chosen.conditions()}
     is_left = np.array([_key(condition) not in kept_keys for condition in problem.ensemble.conditions])
     read = _drawn(problem, np.tile(is_left, problem.ensemble.rolls))
     return compared(made, read, f"snapshots that a map was made without: {omitted.name}")
@@ -173,28 +202,19 @@ def _key(condition: FlightCondition) -> tuple[float, ...]:
 
 
 def left_out(snapshots: Snapshots, ensemble: Ensemble) -> LeftOut | None:
-    """Return the snapshots to leave out: the middle one of the inner values of every condition that has four.
+    """Return the snapshots to leave out: the flows at the middle value of every condition that has enough.
 
-    Conditions are Mach number, of which three suffice, and total incidence where flows are rolled, otherwise both
-    angles. None where no condition has as many.
+    Conditions are Mach number, and total incidence where flows are rolled, otherwise both angles. None where no
+    condition has as many.
     """
-    listed = snapshots.conditions()
-    names = (MACH_NUMBER, "total_incidence") if ensemble.grid is not None else (
-        MACH_NUMBER, "angle_of_attack", "sideslip_angle",
-    )  # fmt: skip
-    is_left, words = np.zeros(len(listed), dtype=bool), list[str]()
-    for name in names:
-        value = np.round([getattr(condition, name) for condition in listed], 9)
-        distinct = np.unique(value)
-        if len(distinct) < (3 if name == MACH_NUMBER else 4):
-            continue
-        middle = distinct[len(distinct) // 2]
-        is_left |= value == middle
-        words.append(f"M {middle:g}" if name == MACH_NUMBER else f"{_WORDS[name]} {np.degrees(middle):.3g} deg")
-    return LeftOut(kept_rows=np.flatnonzero(~is_left), name=", ".join(words)) if words else None
-
-
-_WORDS = {"total_incidence": "total incidence", "angle_of_attack": "angle of attack", "sideslip_angle": "sideslip"}
+    listed, angles = snapshots.conditions(), ("angle_of_attack", "sideslip_angle")
+    names = (MACH_NUMBER, *((TOTAL_INCIDENCE,) if ensemble.grid is not None else angles))
+    by_condition = [at_each_value(listed, name) for name in names]
+    middle = [parts[len(parts) // 2] for parts in by_condition if parts]
+    if not middle:
+        return None
+    rows = np.unique(np.concatenate([part.rows for part in middle]))
+    return LeftOut(", ".join(part.name for part in middle), rows)
 
 
 def _drawn(problem: Problem, members: BoolArray) -> Readings:

@@ -16,7 +16,7 @@ from ensembles import listed_ensemble
 from builder.aero.loads.operator import coefficients_of, load_operator
 from builder.inverse.noise.hardware_errors import HardwareError, hardware_errors
 from builder.structure.as_built.as_built_vehicle import AsBuilt, Counts, exactly_built
-from builder.structure.as_built.wall_regions import counts_in_flight
+from builder.structure.as_built.wall_regions import counts_of
 from builder.structure.as_built_kinds import IN_FLIGHT, IN_NOISE
 from builder.structure.fourier.fourier_model import structural_model
 from builder.truth.flights import drawn_vehicle
@@ -230,8 +230,9 @@ def test_errors_that_a_structure_has_not_are_refused_and_draws_of_others_stay(fl
     np.testing.assert_array_equal(many.gauge_gain, plain.gauge_gain)
     assert 0.0 < abs(many.clamp_axial.item()) < 8e-3
     assert plain.clamp_axial.item() == plain.clamp_transverse.item() == 0.0
+    with_noise = flown.vehicle.model_copy(update={"noise": other.noise})
     with pytest.raises(InputError, match=r"joint_softness_mm: expected 0 without joints"):
-        counts_in_flight(flown.vehicle.model_copy(update={"noise": other.noise}), flown.model.placed.roll_angle)
+        counts_of(with_noise, flown.model.placed.roll_angle, in_flight=True)
     with pytest.raises(InputError, match="clamp_compliance_mm is 0"):
         flown.flights.read(built(clamp_axial=1e-3))
 

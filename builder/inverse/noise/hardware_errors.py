@@ -33,7 +33,7 @@ from builder.structure.as_built.as_built_vehicle import (
 )
 from builder.structure.as_built.displaced_structure import KNOWN, DisplacedGauges, ways_of
 from builder.structure.as_built.revolved import SOLVED, RevolvedStructure, revolved_structure, table_under
-from builder.structure.as_built.wall_regions import counts_in_flight
+from builder.structure.as_built.wall_regions import counts_of
 from builder.structure.as_built_kinds import BY_REGION, KINDS
 from builder.structure.fourier.fourier_model import StructuralModel, structural_model_on
 from builder.structure.mapped_structure import MappedStructure
@@ -96,8 +96,9 @@ def of_model(
 
 def counts_of_layout(vehicle: Vehicle, structure: StructuralModel | MappedStructure, layout: str) -> Counts:
     """Return the numbers of what has errors of its own; errors as
-    :func:`~builder.structure.as_built.wall_regions.counts_in_flight`."""
-    return counts_in_flight(vehicle, DisplacedGauges(structure.layouts[layout].position).roll_angle)
+    :func:`~builder.structure.as_built.wall_regions.counts_of`."""
+    roll_angle = DisplacedGauges(structure.layouts[layout].position).roll_angle
+    return counts_of(vehicle, roll_angle, in_flight=True)
 
 
 def of_displaced(structure: MappedStructure, layout: str, moved: bool) -> Callable[[AsBuilt], FloatArray]:

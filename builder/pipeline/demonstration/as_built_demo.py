@@ -30,6 +30,7 @@ from builder.pipeline.pipeline import MAP, SNAPSHOTS, Pipeline
 from builder.structure.as_built.as_built_structure import AsBuiltStructure, as_built_structure
 from builder.structure.as_built.as_built_vehicle import AsBuilt, as_built_std, draw_as_built
 from builder.structure.as_built.wall_regions import counts_of
+from builder.structure.gauge_checks import gauge_roll_angles
 from builder.structure.loads.applied import Weight
 from strainfmu.arrays import FloatArray
 from strainfmu.cosim.estimators.zeros_file import load_zeros
@@ -54,7 +55,7 @@ class AsBuiltRun:
     def flown_vehicle(self) -> AsBuilt:
         """The vehicle that flies."""
         vehicle = self.pipeline.vehicle
-        std = as_built_std(vehicle.calibration, counts_of(vehicle, vehicle.gauges.layout))
+        std = as_built_std(vehicle.calibration, counts_of(vehicle, gauge_roll_angles(vehicle), in_flight=False))
         return draw_as_built(std, np.random.default_rng(self.seed))
 
     @cached_property

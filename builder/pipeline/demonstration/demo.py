@@ -47,7 +47,7 @@ from builder.pipeline.pipeline import MAP, SNAPSHOTS, FilesGiven, Pipeline, open
 from builder.pipeline.stages import AnyProgress, check_before_long_work, reporter_of
 from builder.structure.as_built.as_built_structure import refuse_unheld
 from builder.structure.as_built.as_built_vehicle import AsBuilt, exactly_built
-from builder.structure.as_built.wall_regions import counts_in_flight
+from builder.structure.as_built.wall_regions import counts_of
 from builder.structure.as_built_kinds import IN_NOISE
 from builder.structure.gauge_checks import gauge_roll_angles
 from builder.trial.readings import ANGLES
@@ -267,7 +267,7 @@ def errors_in_sigma(inverse_map: InverseMap) -> tuple[str, ...]:
 
 def vehicle_as_built(vehicle: Vehicle, seed: int | None) -> AsBuilt:
     """Return the hardware errors of the vehicle that flies, drawn with ``seed``; none for None."""
-    counts = counts_in_flight(vehicle, gauge_roll_angles(vehicle))
+    counts = counts_of(vehicle, gauge_roll_angles(vehicle), in_flight=True)
     if seed is None:
         return exactly_built(counts)
     return drawn_vehicle(vehicle.noise, counts, np.random.default_rng(seed))

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from math import degrees
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,6 +21,7 @@ import numpy as np
 from builder.campaign.snapshots import Snapshots, snapshots_on
 from builder.inverse.problem import AnyStructure
 from builder.manifold.flow_amplitudes import cosine_amplitudes
+from builder.pipeline.estimator_choice import SAME_VALUE, TOTAL_INCIDENCE, LeftOut, at_each_value
 from builder.pipeline.stages import map_from
 from builder.reporting import Reporter, Silent
 from builder.structure.structure_file import Structure
@@ -34,7 +34,7 @@ from builder.trial.score import ROLLING, by_load, rows_of
 from builder.truth.revolution.strain import TrueFlights, TrueStructure, flights_of_flows, true_structure
 from builder.vehicle.file import Vehicle
 from builder.vehicle.shape.geometry import surface_grid
-from strainfmu.arrays import BoolArray, FloatArray, IntArray
+from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.cosim.systems.recording import Recording
 from strainfmu.errors import InputError
 from strainfmu.estimator.air_inputs import ALTITUDE, DYNAMIC_PRESSURE, MACH_NUMBER, Q_SOURCE, QSource
@@ -169,46 +169,38 @@ def _columns(recording: Recording, prefix: str, names: Sequence[str]) -> FloatAr
 
 SEED, VEHICLES, ROLLS = 3, 20, 4
 """Of the draws; vehicles at each condition; aerodynamic roll angles of each flow, where a map takes it at all."""
-MOST_PARTS, LEAST_INCIDENCES = 6, 3
-"""Parts that are left out in turn, evenly spread over all; and incidences from which one is left out."""
+MOST_PARTS = 6
+"""Parts that are left out in turn, evenly spread over all."""
 PART = 10**9
 """Between the numbers of vehicles, and of flights, of two parts."""
 
 
-class LeftOut(NamedTuple):
-    """Flows that a map is made without: what they have in common, their rows of the snapshots, and the rows that
-    are flown, of Mach numbers inside, where there are any.
-
-    At an end of their range a stated Mach number is outside as often as not, and so is health.
-    """
-
-    name: str
-    rows: IntArray
-    flown: IntArray
-
-
 def left_out_parts(snapshots: Snapshots) -> list[LeftOut]:
     """Return the parts of the flows of ``snapshots`` to leave out in turn; empty where there are too few flows."""
-    key = np.round([(condition.mach_number, condition.total_incidence) for condition in snapshots.conditions()], 6)
+    conditions = snapshots.conditions()
+    key = np.round([(condition.mach_number, condition.total_incidence) for condition in conditions], SAME_VALUE)
     mach, incidence, flows = np.unique(key[:, 0]), np.unique(key[:, 1]), np.unique(key, axis=0)
-    is_inner, parts = np.isin(key[:, 0], mach[1:-1]), dict[str, BoolArray]()
     if len(flows) == len(mach) * len(incidence):
-        parts |= {f"M {number:g}": key[:, 0] == number for number in mach[1:-1]}
-        if len(incidence) > LEAST_INCIDENCES:
-            parts |= {f"total incidence {degrees(a):.4g} deg": key[:, 1] == a for a in incidence[:-1]}
+        parts = [*at_each_value(conditions, MACH_NUMBER)[1:-1], *at_each_value(conditions, TOTAL_INCIDENCE)[:-1]]
     else:
         inside = flows[(flows[:, 1] < incidence[-1]) & np.isin(flows[:, 0], mach[1:-1])]
         count = min(5, len(inside))
-        for first in range(count):
-            alike = key[:, None] == inside[first::5]
-            parts[f"part {first + 1} of {count}"] = alike.all(axis=2).any(axis=1)
-    chosen = np.round(np.linspace(0, len(parts) - 1, min(MOST_PARTS, len(parts)))).tolist()
-    flown = is_inner if is_inner.any() else np.ones(len(key), dtype=bool)
-    return [
-        LeftOut(name, np.flatnonzero(rows), np.flatnonzero(rows & flown))
-        for number, (name, rows) in enumerate(parts.items())
-        if number in chosen
-    ]
+        alike = [(key[:, None] == inside[first::5]).all(axis=2).any(axis=1) for first in range(count)]
+        parts = [
+            LeftOut(f"part {number} of {count}", np.flatnonzero(rows))
+            for number, rows in enumerate(alike, start=1)
+        ]
+    chosen = np.round(np.linspace(0, len(parts) - 1, min(MOST_PARTS, len(parts)))).astype(int)
+    return [parts[number] for number in chosen]
+
+
+def _flown_rows(snapshots: Snapshots, part: LeftOut) -> IntArray:
+    """Return the rows of a part that are flown: of Mach numbers inside, where there are any.
+
+    At an end of their range a stated Mach number is outside as often as not, and so is health.
+    """
+    inner = at_each_value(snapshots.conditions(), MACH_NUMBER)[1:-1]
+    return np.intersect1d(part.rows, np.concatenate([at.rows for at in inner])) if inner else part.rows
 
 
 def held_out_score(
@@ -241,12 +233,13 @@ def held_out_score(
                 not_built.append(f"{part.name}: {error}")
                 continue
             names.append(part.name)
+            flown_rows = _flown_rows(snapshots, part)
             flows |= {
                 (round(c.mach_number, 6), round(c.total_incidence, 6))
-                for c in (conditions[row] for row in part.flown)
+                for c in (conditions[row] for row in flown_rows)
             }
             random = np.random.default_rng([SEED, number])
-            flown = _flown(vehicle, on_grid.chosen(part.flown), truth, inverse_map, random)
+            flown = _flown(vehicle, on_grid.chosen(flown_rows), truth, inverse_map, random)
             world = World(vehicle=vehicle, structure=truth, flows=None, inverse_map=inverse_map)
             read = joined(list(read_own_vehicles(world, HARDWARE, flown, VEHICLES, random)))
             made.append(of_map(inverse_map)(read))

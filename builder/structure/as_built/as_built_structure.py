@@ -42,7 +42,7 @@ from builder.structure.as_built.response_tables import (
     together,
 )
 from builder.structure.as_built.wall_changes import WAVES, rolled_quarter, times_waves
-from builder.structure.as_built.wall_regions import WallRegions, counts_of_wall, thickened, wall_regions
+from builder.structure.as_built.wall_regions import WallRegions, counts_of, thickened, wall_regions
 from builder.structure.as_built.wall_states import (
     LOW,
     ROUNDING,
@@ -426,7 +426,7 @@ def as_built_structure(
         regions, joints = wall_regions(supported.calibration, wall, body), supported.calibration.joint_stations_m
         layouts, all_placed = place_layouts(supported, drawing, [layout])
         placed, mesh = all_placed[layout], drawing
-        errors = exactly_built(counts_of_wall(len(regions), len(joints), placed.roll_angle))
+        errors = exactly_built(counts_of(supported, placed.roll_angle, in_flight=False))
         if known_thickness is not None:
             taper = np.zeros(len(regions)) if known_taper is None else np.asarray(known_taper, dtype=float)
             errors = errors.changed(wall_thickness=known_thickness, wall_taper=taper)

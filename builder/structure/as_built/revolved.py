@@ -27,7 +27,7 @@ from builder.structure.as_built.gauge_strain_terms import (
 from builder.structure.as_built.reading_slopes import CLAMP
 from builder.structure.as_built.response_tables import ResponseTable, of_all_vehicles
 from builder.structure.as_built.wall_changes import WAVES
-from builder.structure.as_built.wall_regions import counts_in_flight, wall_regions
+from builder.structure.as_built.wall_regions import counts_of, wall_regions
 from builder.structure.as_built_kinds import BY_REGION, IN_NOISE, KINDS
 from builder.structure.fourier.inner_surface import PlacedGauges, inner_surface_points
 from builder.structure.fourier.meridian_mesh import MeridianMesh
@@ -184,7 +184,7 @@ def revolved_structure(
             row=rows_of(placed.roll_angle),
             station=station_index(x, placed.x),
         ),
-        counts=counts_in_flight(vehicle, placed.roll_angle),
+        counts=counts_of(vehicle, placed.roll_angle, in_flight=True),
         surface=surface,
         table=table,
         solved=solved,

@@ -12,9 +12,7 @@ import numpy as np
 from builder.structure.as_built.as_built_vehicle import Counts
 from builder.structure.as_built.gauge_strain_terms import rows_of
 from builder.structure.as_built_kinds import BY_REGION, KINDS
-from builder.structure.fourier.fourier_model import place_layouts
 from builder.structure.fourier.meridian_mesh import MeridianMesh, line_nodes
-from builder.structure.gauge_placement import gauge_mesh
 from builder.structure.wall import Wall, wall_of
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map.options import Calibration
@@ -103,37 +101,27 @@ def thickened(
     return replace(mesh, node=node)
 
 
-def counts_of(vehicle: Vehicle, layout: str) -> Counts:
-    """Return the numbers of what a calibration estimates with the gauges of ``layout``."""
-    placed = place_layouts(vehicle, gauge_mesh(vehicle), [layout])[1][layout]
-    regions = wall_regions(vehicle.calibration, wall_of(vehicle), vehicle.body())
-    return counts_of_wall(len(regions), len(vehicle.calibration.joint_stations_m), placed.roll_angle)
+def counts_of(vehicle: Vehicle, roll_angle: FloatArray, *, in_flight: bool) -> Counts:
+    """Return the numbers of what has errors of its own, with gauges at ``roll_angle`` (n_d,) [rad].
 
-
-def counts_of_wall(regions: int, joints: int, roll_angle: FloatArray) -> Counts:
-    """Return the numbers with gauges at ``roll_angle`` (n_d,) [rad]."""
-    return Counts(gauge=len(roll_angle), region=regions, row=int(rows_of(roll_angle).max()) + 1, joint=joints)
-
-
-def counts_in_flight(vehicle: Vehicle, roll_angle: FloatArray) -> Counts:
-    """Return the numbers of what has errors of its own by [noise], with gauges at ``roll_angle`` (n_d,) [rad].
-
-    Regions and joints count where an error of theirs is stated.
+    A calibration estimates all of them; ``in_flight`` regions and joints count where [noise] states an error of
+    theirs.
 
     Raises
     ------
     InputError
         An error by regions or joints is stated, and the vehicle has none.
     """
-    stated = [KINDS[name] for name in BY_REGION if KINDS[name].std(vehicle.noise) > 0.0]
-    if not stated:
-        return Counts(gauge=len(roll_angle), row=int(rows_of(roll_angle).max()) + 1)
-    if not vehicle.has_meridian:
+    rows = int(rows_of(roll_angle).max()) + 1
+    stated = [KINDS[name] for name in BY_REGION if in_flight and KINDS[name].std(vehicle.noise) > 0.0]
+    if in_flight and not stated:
+        return Counts(gauge=len(roll_angle), row=rows)
+    if stated and not vehicle.has_meridian:
         raise InputError(f"noise.{stated[0].entry}: expected 0 but for a body of revolution that is clamped aft")
-    regions = wall_regions(vehicle.calibration, wall_of(vehicle), vehicle.body())
-    counts = counts_of_wall(len(regions), len(vehicle.calibration.joint_stations_m), roll_angle)
-    if not counts.joint and any(kind.extent == "joint" for kind in stated):
+    joints = len(vehicle.calibration.joint_stations_m)
+    if not joints and any(kind.extent == "joint" for kind in stated):
         raise InputError(
             "noise.joint_softness_mm: expected 0 without joints, calibration.joint_stations_m is empty"
         )
-    return counts
+    regions = len(wall_regions(vehicle.calibration, wall_of(vehicle), vehicle.body()))
+    return Counts(gauge=len(roll_angle), region=regions, row=rows, joint=joints)
