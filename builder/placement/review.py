@@ -12,6 +12,7 @@ from builder.placement.flight_models import Kind, pressure_of_unknowns
 from builder.placement.gaussian_model import Posterior
 from builder.placement.selection import first_of_best, marginal_worth
 from strainfmu.arrays import FloatArray
+from strainfmu.estimator.map.flight_tables import N_STATES
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 
 OBSERVED = 1.0
@@ -43,7 +44,7 @@ class Review:
     unobserved, off : (5,) parts of the variance of the coefficients that come from combinations of unknowns that
         the gauges do not observe, and from pressure that hardly strains any candidate [1].
     unobserved_combinations : number of combinations, mean over the states, that are not observed, of how many.
-    hidden : a line for each coefficient: the pressure that its unobserved part is made of.
+    hidden : a line for each coefficient: what its unobserved part is made of.
     worth : (k,) what the criterion rises by without each gauge, over the criterion [1].
     spare : gauges that could go together, in the order to take them off.
     best : name of the candidate that would help most, and what the criterion would fall by [1].
@@ -65,8 +66,11 @@ def review_of(study: Study) -> Review:
     model, layout_sites = study.model, list(study.layout_sites)
     names = study.candidates.gauges.names
     variance = model.weight @ model.goal_variance(layout_sites)
-    unobserved, count = np.zeros(5), 0.0
+    unobserved, by_state, count = np.zeros(5), np.zeros(5), 0.0
     pressure = pressure_of_unknowns(study.parts, study.strain, study.kind)
+    # An error of the flight state changes all of the pressure, most of it in ways that make no load.
+    of_state = slice(0, N_STATES if study.kind == "nonlinear" else 0)
+    pressure[..., of_state] = 0.0
     shapes = np.zeros((5, len(study.parts.basis.fields.T), len(model.weight)))
     for s, weight in enumerate(model.weight):
         rows = model.gauge_rows(layout_sites)[s]
@@ -76,6 +80,8 @@ def review_of(study: Study) -> Review:
         within = hidden.T @ np.linalg.solve(model.precision_with(layout_sites)[s], hidden)
         of_goals = model.goals[s] @ hidden
         unobserved += weight * np.einsum("gk,kl,gl->g", of_goals, within, of_goals)
+        goals_of_state = model.goals[s][:, of_state] @ hidden[of_state]
+        by_state += weight * np.einsum("gk,kl,gl->g", of_goals, within, goals_of_state)
         shapes[:, :, s] = np.sqrt(weight) * of_goals @ within @ (pressure[s] @ hidden).T
     value = model.value(layout_sites)
     gains = Posterior(model, layout_sites).gains(np.arange(study.offered))
@@ -87,8 +93,11 @@ def review_of(study: Study) -> Review:
         off=np.asarray(model.weight @ model.fixed) / variance,
         unobserved_combinations=(count, model.rows.shape[-1]),
         hidden=tuple(
-            f"{name}: {100.0 * part:.0f} % of its variance is not observed; behind it {_in_words(study, shape)}"
-            for name, part, shape in zip(COEFFICIENT_NAMES, unobserved / variance, shapes, strict=True)
+            f"{name}: {100.0 * part:.0f} % of its variance is not observed; behind it "
+            + _in_words(study, shape, part_of_state / of_all if of_all > 0.0 else 0.0)
+            for name, part, shape, part_of_state, of_all in zip(
+                COEFFICIENT_NAMES, unobserved / variance, shapes, by_state, unobserved, strict=True
+            )
         ),
         worth=marginal_worth(model, layout_sites) / value,
         spare=tuple(names[study.candidates.sites[site][0]] for site in _spare(study, layout_sites, value)),
@@ -96,7 +105,17 @@ def review_of(study: Study) -> Review:
     )
 
 
-def _in_words(study: Study, shape: FloatArray) -> str:
+def _in_words(study: Study, shape: FloatArray, part_of_state: float) -> str:
+    """Return what an unobserved variance is made of: for a part the flight state, and pressure."""
+    if part_of_state >= 1.0 - SPOKEN:
+        return "is the flight state within the air data"
+    pressure = _pressure_in_words(study, shape)
+    if part_of_state < SPOKEN:
+        return pressure
+    return f"is for {100.0 * part_of_state:.0f} % the flight state within the air data; the rest {pressure}"
+
+
+def _pressure_in_words(study: Study, shape: FloatArray) -> str:
     """Return which pressure ``shape`` (K, n_s) is, over the states: around the body, and where along it."""
     basis, square = study.parts.basis, np.sum(shape * shape, axis=1)
     if not square.any():

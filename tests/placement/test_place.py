@@ -387,6 +387,15 @@ def test_a_review_names_what_a_layout_lacks(linear: Study) -> None:
     assert all(line in page for line in found.hidden)
 
 
+def test_pressure_behind_a_normal_force_is_never_alike_all_round(nonlinear: Study) -> None:
+    """Pressure alike all round makes no normal force; it goes with errors of the flight state, which are named."""
+    hidden = dict(zip(COEFFICIENT_NAMES, review_of(nonlinear).hidden, strict=True))
+    print("HIDDEN", hidden)
+    for name in ("C_N", "C_Y", "M_P", "M_Y"):
+        assert "(axial load)" not in hidden[name], hidden[name]
+    assert "the flight state within the air data" in hidden["C_N"]
+
+
 @pytest.mark.slow
 def test_a_review_follows_the_map_next_to_the_snapshots(
     nonlinear_vehicle: Vehicle, snapshots: Snapshots, structure: StructuralModel, tmp_path: Path
