@@ -16,7 +16,7 @@ from builder.pipeline.structure_run import run_structure as run_structure
 from builder.pipeline.structure_run import export_loads as export_loads
 from builder.pipeline.structure_run import export_influence as export_influence
 from builder.campaign.field_export import convert as convert
-from builder.figures.scene.picture_files import picture as picture
+from builder.figures.picture_files import picture as picture
 from builder.pipeline.load_test_proposal import loadtest as loadtest
 from builder.pipeline.load_test_proposal import loadtest_template as loadtest_template
 from builder.pipeline.calibrate import calibrate as calibrate

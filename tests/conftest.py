@@ -30,7 +30,7 @@ from strainfmu import archive
 from strainfmu.cli.main import main
 
 if TYPE_CHECKING:
-    from builder.truth.revolution.strain import TrueStructure
+    from builder.truth.true_structure import TrueStructure
 
 # An example may be the first call of a compiled function, and other processes may use the machine.
 hypothesis.settings.register_profile("strainfmu", deadline=None)
@@ -239,7 +239,7 @@ def ic3x_truth(tmp_path_factory: pytest.TempPathFactory) -> TrueStructure:
     """Return the structure of the shipped vehicle's independent model."""
 
     def solve(folder: Path) -> None:
-        from builder.truth.revolution.strain import true_structure
+        from builder.truth.true_structure import true_structure
         from builder.vehicle.file import IC3X, load_vehicle
 
         (folder / "structure.pickle").write_bytes(pickle.dumps(true_structure(load_vehicle(IC3X))))

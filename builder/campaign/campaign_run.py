@@ -21,11 +21,11 @@ import numpy as np
 
 from builder.aero.engine import Engine, Flow, FlowKey, cap_line
 from builder.aero.surface.mesh import mesh_of_grid
+from builder.campaign.dask_workers import FailedFlow
 from builder.campaign.failures import FailedCondition, failed_conditions, failure_lines, missing_line
 from builder.campaign.journal import Journal
 from builder.campaign.scheduling import Scheduling, solve_flows
 from builder.campaign.snapshots import KeptFlows, Snapshots, load_flows, load_snapshots, save_snapshots
-from builder.campaign.worker import FailedFlow
 from builder.reporting import Reporter
 from builder.vehicle.file import Vehicle
 from builder.vehicle.flight_conditions import ConditionSet

@@ -10,8 +10,7 @@ from importlib.util import find_spec
 
 from builder.aero.engine import Engine, FlowKey
 from builder.aero.engines.registry import ENGINES
-from builder.campaign.dask_workers import solve_on_dask
-from builder.campaign.worker import FailedFlow, SolvedFlow, solve_one
+from builder.campaign.dask_workers import FailedFlow, SolvedFlow, solve_on_dask, solve_one
 from builder.processors import processors
 from builder.reporting import Note
 from strainfmu.errors import FlowReachError, StrainfmuError

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from builder.aero.engine import Flow
-from builder.aero.loads.operator import coefficients_of, load_operator
-from builder.aero.mapping.mapping_report import MappingTolerances, check_mapping, mapping_report
-from builder.aero.mapping.pressure_map import pressure_map
+from builder.aero.load_operator import coefficients_of, load_operator
+from builder.aero.mapping_report import MappingTolerances, check_mapping, mapping_report
+from builder.aero.pressure_map import pressure_map
 from builder.aero.surface.mesh import SurfaceMesh, mesh_load_operator, mesh_of_grid
 from builder.vehicle.shape.geometry import SurfaceGrid
 from builder.vehicle.shape.shape_entries import ReferenceQuantities
@@ -258,7 +258,7 @@ def snapshots_on(snapshots: Snapshots, grid: SurfaceGrid) -> Snapshots:
     """Return ``snapshots`` at the nodes of ``grid``; the same where they are there already.
 
     Forces and moments of p - p_inf are kept exactly
-    (:meth:`builder.aero.mapping.pressure_map.PressureMap.conservative`).
+    (:meth:`builder.aero.pressure_map.PressureMap.conservative`).
 
     Raises
     ------

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from builder.aero.loads.operator import coefficient_scale, load_operator_on
+from builder.aero.load_operator import coefficient_scale, load_operator_on
 from builder.campaign.snapshots import Snapshots
 from builder.figures.drawing import COLOUR_MAP, at_roll_angles, blank_figure, colour_ends, ends_beyond
 from strainfmu.arrays import FloatArray

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from builder.aero.loads.groups import other_load_fields
-from builder.aero.loads.operator import coefficients_of
+from builder.aero.load_groups import other_load_fields
+from builder.aero.load_operator import coefficients_of
 from builder.aero.surface.mesh import SurfaceMesh, mesh_of
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.envelope import (
@@ -29,7 +29,7 @@ from builder.inverse.noise.inertia import NAME as INERTIA
 from builder.inverse.noise.inertia import VIBRATION_MODES, inertia_in_words
 from builder.inverse.noise.model import NoiseTerm, fixed_covariance, principal_columns
 from builder.inverse.problem import AnyStructure, inverse_problem, on_structure
-from builder.inverse.sensors.sensor_set import SensorSet
+from builder.inverse.sensor_set import SensorSet
 from builder.inverse.solution import Problem, Solution, solve
 from builder.vehicle.file import Vehicle
 from builder.vehicle.gauges.layout import GaugeLayout

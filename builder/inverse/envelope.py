@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from builder.inverse.modes.ensemble import Ensemble
+from builder.inverse.ensemble import Ensemble
 from builder.inverse.solution import Problem, Solution
-from builder.vehicle.map.options import MapEntry
+from builder.vehicle.map_options import MapEntry
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.atmosphere import dynamic_pressure
 from strainfmu.estimator.estimator import Estimator

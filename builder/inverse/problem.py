@@ -10,12 +10,12 @@ from pathlib import Path
 
 import numpy as np
 
-from builder.aero.loads.groups import other_load_operator
-from builder.aero.loads.operator import load_operator_on
+from builder.aero.load_groups import other_load_operator
+from builder.aero.load_operator import load_operator_on
 from builder.aero.shapes import outer_surface
 from builder.aero.surface.mesh import grid_of, mesh_of
 from builder.campaign.snapshots import Snapshots, snapshots_on
-from builder.inverse.modes.ensemble import Ensemble, ensemble_of
+from builder.inverse.ensemble import Ensemble, ensemble_of
 from builder.inverse.noise.flow_models import (
     LEEWARD_PRESSURE,
     flow_model_errors,
@@ -33,15 +33,15 @@ from builder.inverse.noise.thermal import (
     thermal_terms,
     with_sensor_rows,
 )
-from builder.inverse.sensors.sensor_set import joined_errors, joined_terms, sensor_set
+from builder.inverse.sensor_set import joined_errors, joined_terms, sensor_set
 from builder.inverse.solution import Problem
 from builder.structure.fourier.fourier_model import StructuralModel, structural_model_on
 from builder.structure.gauge_checks import gauges_in_use
 from builder.structure.mapped_structure import MappedStructure
 from builder.structure.solid.checks import ELEMENT_FRACTION
 from builder.vehicle.file import Vehicle
-from builder.vehicle.map.model_form import model_form
-from builder.vehicle.map.options import Noise
+from builder.vehicle.map_options import Noise
+from builder.vehicle.model_form import model_form
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.text_files import LARGEST, MIB, read_csv, shown_columns
@@ -202,7 +202,7 @@ def check_other_loads(vehicle: Vehicle) -> None:
     Raises
     ------
     InputError
-        As :func:`builder.aero.loads.groups.other_load_operator`, or the surface is wrong.
+        As :func:`builder.aero.load_groups.other_load_operator`, or the surface is wrong.
     """
     surface, _ = outer_surface(vehicle, vehicle.resolution.map)
     other_load_operator(surface, vehicle.map, vehicle.reference_quantities().moment_station)

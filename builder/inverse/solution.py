@@ -8,8 +8,8 @@ from typing import Any, Literal, cast
 
 import numpy as np
 
-from builder.inverse.modes.ensemble import Ensemble, rolled_modes, turned_to_gauges
-from builder.inverse.modes.mode_choice import (
+from builder.inverse.ensemble import Ensemble, rolled_modes, turned_to_gauges
+from builder.inverse.mode_choice import (
     MIN_STRAIN_OVER_ERRORS,
     MIN_STRAIN_OVER_NOISE,
     choice_record,
@@ -17,10 +17,10 @@ from builder.inverse.modes.mode_choice import (
 from builder.inverse.noise.flows_between import SolvedFlows
 from builder.inverse.noise.hardware_errors import HardwareError, MeshError
 from builder.inverse.noise.model import NoiseModel, NoiseTerm, truncated_modes
-from builder.inverse.sensors.sensor_set import SensorSet
+from builder.inverse.sensor_set import SensorSet
 from builder.vehicle.gauges.sensor_entries import Sensors
-from builder.vehicle.map.model_form import ModelForm, model_form
-from builder.vehicle.map.options import MapEntry, Noise
+from builder.vehicle.map_options import MapEntry, Noise
+from builder.vehicle.model_form import ModelForm, model_form
 from builder.vehicle.shape.shape_entries import ReferenceQuantities
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError

@@ -19,7 +19,7 @@ from itertools import product
 import numpy as np
 
 from builder.campaign.snapshots import Snapshots
-from builder.inverse.modes.ensemble import rolled_modes
+from builder.inverse.ensemble import rolled_modes
 from builder.inverse.noise.error_list import INTERPOLATION, PROCESS, SPREAD, parts_of
 from builder.inverse.noise.flow_models import LEVEL
 from builder.inverse.noise.flows_between import BETWEEN, FlowsBetween

@@ -10,7 +10,7 @@ import numpy as np
 
 from builder.aero.surface.mesh import SurfaceMesh
 from builder.inverse.solution import Problem
-from builder.vehicle.map.options import MapEntry
+from builder.vehicle.map_options import MapEntry
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO

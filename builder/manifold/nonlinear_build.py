@@ -23,16 +23,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.optimize import nnls
 
-from builder.aero.loads.groups import Surface
+from builder.aero.load_groups import Surface
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
-from builder.inverse.modes.ensemble import Ensemble, rolled_modes
+from builder.inverse.ensemble import Ensemble, rolled_modes
 from builder.inverse.noise.error_list import PROCESS, SPREAD, by_role, error_named, record_of
 from builder.inverse.noise.flow_models import FLOW_MODELS, LEEWARD_PRESSURE, LEVEL
 from builder.inverse.noise.hardware_errors import HardwareError
 from builder.inverse.noise.model import NoiseTerm, fixed_covariance
 from builder.inverse.problem import AnyStructure, inverse_problem
-from builder.inverse.sensors.sensor_set import base_area
+from builder.inverse.sensor_set import base_area
 from builder.inverse.solution import Problem, with_flow_models
 from builder.manifold.discrepancy import process_size, tested_shapes
 from builder.manifold.parameter_slopes import FLOW_PARAMETERS, ParameterSlopes, compressed

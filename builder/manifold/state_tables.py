@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from scipy.linalg import block_diag
 
-from builder.aero.loads.groups import Surface
-from builder.aero.mapping.pressure_map import mirror_operator
+from builder.aero.load_groups import Surface
+from builder.aero.pressure_map import mirror_operator
 from builder.aero.surface.mesh import SurfaceMesh, grid_of, mesh_of
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.noise.error_list import GRID_REFINEMENT, INTERPOLATION, PROCESS, SPREAD, parts_of
@@ -40,7 +40,7 @@ from builder.manifold.tables import (
     spline_coefficients,
     spline_rows,
 )
-from builder.vehicle.map.model_form import ModelForm
+from builder.vehicle.model_form import ModelForm
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError

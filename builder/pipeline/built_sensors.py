@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from builder.inverse.sensors.sensor_set import base_area, surface_rows
-from builder.inverse.sensors.structural import SensorRow, rows_on_surface
+from builder.inverse.sensor_set import base_area, surface_rows
+from builder.inverse.structural_sensors import SensorRow, rows_on_surface
 from builder.structure.as_built.as_built_vehicle import AsBuilt
 from builder.structure.fourier.shell_mesh import meshed_wall
-from builder.truth.revolution.strain import BuiltSensors, sensor_response
+from builder.truth.true_structure import BuiltSensors, sensor_response
 from builder.vehicle.file import Vehicle
 from builder.vehicle.shape.geometry import SurfaceGrid, surface_grid
 from strainfmu.arrays import FloatArray

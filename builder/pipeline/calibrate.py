@@ -47,8 +47,8 @@ from builder.structure.fourier.fourier_model import structural_model
 from builder.structure.mapped_structure import mapped_structure
 from builder.structure.structure_file import load_structure
 from builder.trial.readings import World
-from builder.truth.revolution.flow_table import FlowTable, load_flow_table
-from builder.truth.revolution.strain import TrueStructure
+from builder.truth.flow_table import FlowTable, load_flow_table
+from builder.truth.true_structure import TrueStructure
 from builder.vehicle.file import Vehicle, load_vehicle
 from builder.workspace import refuse_misfits
 from strainfmu.arrays import FloatArray

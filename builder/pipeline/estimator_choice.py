@@ -18,13 +18,13 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from builder.campaign.snapshots import Snapshots
-from builder.inverse.modes.ensemble import Ensemble
+from builder.inverse.ensemble import Ensemble
 from builder.inverse.solution import Problem
 from builder.trial.estimators import of_map
 from builder.trial.readings import Readings
 from builder.trial.score import Row, by_load, rows_of
 from builder.vehicle.file import Vehicle
-from builder.vehicle.map.options import wrong_estimator
+from builder.vehicle.map_options import wrong_estimator
 from strainfmu.arrays import BoolArray, IntArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE, MACH_NUMBER, STATIC_PRESSURE

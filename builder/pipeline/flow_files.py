@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from builder.aero.cfd.formats.surface_export import write_surface
+from builder.aero.cfd.formats.surface_files import write_surface
 from builder.aero.engines.registry import make_engine
 from builder.campaign.campaign_run import CampaignResult, campaign_notes, run_campaign, vehicle_campaign
 from builder.campaign.scheduling import Scheduling

@@ -16,14 +16,15 @@ from builder.aero.shapes import outer_surface
 from builder.calibration.ground_test.candidate_cases import LoadLimits
 from builder.calibration.ground_test.load_test import LoadErrors
 from builder.calibration.ground_test.load_test_file import WrittenCase, WrittenStep, error_entries, write_load_test
-from builder.calibration.plan.kind_sigmas import established, undetermined
 from builder.calibration.plan.load_plan import (
     LoadPlan,
     PlanParts,
     RunCase,
     Schedule,
+    established,
     load_plan,
     run_order,
+    undetermined,
     whole_time,
 )
 from builder.campaign.snapshot_fit import vehicle_misfits

@@ -48,8 +48,8 @@ from builder.structure.solid.solid_model import solve_solid_structure, update_st
 from builder.structure.structure_file import Structure, load_structure, save_structure
 from builder.trial.readings import World
 from builder.truth.flights import ENGINES_IN_WORDS
-from builder.truth.revolution.flow_table import flow_inputs, load_flow_table, truth_knots
-from builder.truth.revolution.strain import TrueStructure
+from builder.truth.flow_table import flow_inputs, load_flow_table, truth_knots
+from builder.truth.true_structure import TrueStructure
 from builder.vehicle.file import Vehicle, load_vehicle
 from builder.vehicle.map_needs import doubtful_entries, unused_entries, used_layouts
 from builder.workspace import Cache

@@ -21,7 +21,7 @@ from builder.trial.levels import (
     with_flight_alarm_levels,
 )
 from builder.trial.readings import Readings, World, joined, read_own_vehicles
-from builder.truth.revolution.flow_table import truth_knots
+from builder.truth.flow_table import truth_knots
 from builder.truth.shape import (
     flying_structure,
     refuse_without_independent_model,

@@ -23,7 +23,7 @@ from builder.reporting import Reporter
 from builder.structure import structure_file
 from builder.structure.structure_file import load_structure
 from builder.structure.structure_fit import on_solid_model, structure_line, structure_misfits
-from builder.truth.revolution.strain import TrueStructure
+from builder.truth.true_structure import TrueStructure
 from builder.vehicle.file import Vehicle
 from builder.workspace import Cache, Workspace, refuse_misfits
 from strainfmu.errors import InputError

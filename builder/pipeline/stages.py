@@ -35,7 +35,7 @@ from builder.campaign.scheduling import Scheduling
 from builder.campaign.snapshot_fit import as_flown, flow_record, vehicle_misfits
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
-from builder.inverse.modes.mode_choice import mode_choice_lines
+from builder.inverse.mode_choice import mode_choice_lines
 from builder.inverse.noise.hardware_errors import mesh_error_notes
 from builder.inverse.problem import AnyStructure, check_noise, check_other_loads, inverse_problem
 from builder.inverse.solution import Problem
@@ -68,9 +68,9 @@ from builder.structure.solid.solid_model import solve_solid_structure
 from builder.structure.structure_file import Structure
 from builder.structure.structure_fit import on_solid_model, structure_misfits, structure_record
 from builder.trial.readings import World
-from builder.truth.revolution.flow_table import flow_inputs, save_flow_table, solved_flows, truth_knots
-from builder.truth.revolution.strain import TrueStructure, true_structure
+from builder.truth.flow_table import flow_inputs, save_flow_table, solved_flows, truth_knots
 from builder.truth.shape import shape_flows
+from builder.truth.true_structure import TrueStructure, true_structure
 from builder.vehicle.file import Vehicle, load_vehicle
 from builder.vehicle.flight_conditions import ConditionSet
 from builder.vehicle.map_needs import check_map_size, used_layouts, why_linear
@@ -413,7 +413,7 @@ def make_flow_table(
 ) -> None:
     """Make the file ``name`` of flows of a body of revolution at ``knots``, Mach numbers and positive incidences
     [rad]. Flows are kept as they are solved; ``failed`` takes those out of reach, as of
-    :func:`~builder.truth.revolution.flow_table.solved_flows`."""
+    :func:`~builder.truth.flow_table.solved_flows`."""
 
     def write(path: Path) -> None:
         with Journal(path) as journal:

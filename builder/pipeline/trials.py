@@ -63,13 +63,13 @@ from builder.trial.readings import World
 from builder.trial.run import Score, run_tasks, scored, tasks_of
 from builder.trial.score import ALL, Row
 from builder.trial.table import line_of, stress_entries, write_table
+from builder.truth import flow_table as flow_table_file
 from builder.truth.flights import other_physics
-from builder.truth.revolution import flow_table as flow_table_file
-from builder.truth.revolution.flow_table import load_flow_table
-from builder.truth.revolution.strain import true_structure
+from builder.truth.flow_table import load_flow_table
 from builder.truth.shape import flying_structure, refuse_without_independent_model
+from builder.truth.true_structure import true_structure
 from builder.vehicle.file import IC3X, VEHICLES, Vehicle, load_vehicle
-from builder.vehicle.named_file import naming
+from builder.vehicle.toml.reading import naming
 from builder.workspace import Cache, Misfit, Workspace, refuse_misfits
 from strainfmu.errors import InputError
 from strainfmu.estimator.map import inverse_map as inverse_map_file

@@ -24,11 +24,11 @@ from builder.structure.as_built.as_built_structure import refuse_unheld
 from builder.structure.as_built.displaced_structure import refuse_untestable
 from builder.structure.gauge_checks import check_gauges, gauges_at_breaks
 from builder.truth.flights import other_physics
-from builder.truth.revolution.flow_table import flow_keys, truth_engine, truth_knots
+from builder.truth.flow_table import flow_keys, truth_engine, truth_knots
 from builder.truth.shape import refuse_without_independent_model
 from builder.vehicle.file import Vehicle, load_vehicle
 from builder.vehicle.map_needs import check_map_size, doubtful_entries, unused_entries
-from builder.vehicle.named_file import named
+from builder.vehicle.toml.reading import named
 from strainfmu.cosim.models.trajectory import Trajectory
 from strainfmu.errors import FaultsError, InputError
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE

@@ -11,7 +11,7 @@ import numpy as np
 
 from builder.aero.surface.mesh import grid_of
 from builder.campaign.snapshots import Snapshots
-from builder.inverse.modes.ensemble import ensemble_of
+from builder.inverse.ensemble import ensemble_of
 from builder.inverse.noise.flows_between import SolvedFlows
 from builder.inverse.problem import AnyStructure
 from builder.placement.candidate_strain import CandidateStrain, fourier_strain, solid_strain

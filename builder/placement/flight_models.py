@@ -13,10 +13,10 @@ from typing import Literal
 
 import numpy as np
 
-from builder.aero.loads.operator import coefficient_scale, load_operator_on
+from builder.aero.load_operator import coefficient_scale, load_operator_on
 from builder.aero.surface.mesh import mesh_of
 from builder.campaign.snapshots import Snapshots
-from builder.inverse.modes.ensemble import Ensemble, rolled_modes
+from builder.inverse.ensemble import Ensemble, rolled_modes
 from builder.inverse.noise.flow_models import leeward_fields
 from builder.inverse.noise.flows_between import SolvedFlows
 from builder.inverse.noise.hardware_errors import rms_ambient_pressure
@@ -28,7 +28,7 @@ from builder.placement.gaussian_model import GaussianModel
 from builder.placement.pressure_basis import CountedSensors, PressureBasis
 from builder.structure.as_built_kinds import KINDS
 from builder.vehicle.file import Vehicle
-from builder.vehicle.map.model_form import model_form
+from builder.vehicle.model_form import model_form
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, pressure_and_temperature
 from strainfmu.estimator.map.flight_tables import LOG_PRESSURE, MACH, N_STATES, FlightTables, U, W, evaluate

@@ -17,8 +17,8 @@ import numpy as np
 
 from builder.aero.surface.mesh import Surface, mesh_of
 from builder.campaign.snapshots import Snapshots
-from builder.inverse.modes.ensemble import Ensemble
-from builder.inverse.sensors.sensor_set import surface_rows
+from builder.inverse.ensemble import Ensemble
+from builder.inverse.sensor_set import surface_rows
 from builder.manifold.discrepancy import gaussian_process_shapes, process_on_surface
 from builder.manifold.flow_amplitudes import MAX_HARMONIC, cosine_amplitudes
 from builder.manifold.state_tables import with_mirror_images

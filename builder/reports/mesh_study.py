@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from builder.aero.loads.operator import load_operator
+from builder.aero.load_operator import load_operator
 from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.inverse.build import build_inverse_map, snapshot_coefficients
 from builder.reporting import Progress, Reporter, Silent

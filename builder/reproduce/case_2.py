@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from builder.aero.loads.operator import load_operator
+from builder.aero.load_operator import load_operator
 from builder.reports.findings.prior_observability import grid_mirrors, symmetric_part
 from builder.reproduce.case_1 import FieldExample
 from builder.reproduce.protocol import DRAWN_MODES, DRAWS, DRAWS_PER_CONDITION, SEED

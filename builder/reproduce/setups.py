@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from builder.aero.loads.operator import coefficient_scales_at, coefficients_of, load_operator
+from builder.aero.load_operator import coefficient_scales_at, coefficients_of, load_operator
 from builder.aero.surface.mesh import mesh_of_grid
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.solution import area_weights

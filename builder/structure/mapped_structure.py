@@ -6,8 +6,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from builder.aero.mapping.mapping_report import MappingTolerances, check_mapping, mapping_report
-from builder.aero.mapping.pressure_map import pressure_map
+from builder.aero.mapping_report import MappingTolerances, check_mapping, mapping_report
+from builder.aero.pressure_map import pressure_map
 from builder.aero.surface.mesh import SurfaceMesh, mesh_of_grid
 from builder.campaign.snapshots import Snapshots
 from builder.structure.structure_file import Structure
@@ -98,7 +98,7 @@ def mapped_operator(
     """Return the snapshots' surface and Z_p H (n_d, n_p) [1/Pa], strain per pressure at its nodes.
 
     Each node of the structure's surface takes the pressure of its closest point on the snapshots' surface
-    (:func:`builder.aero.mapping.pressure_map.consistent_map`). Where their nodes are stations times roll angles,
+    (:func:`builder.aero.pressure_map.consistent_map`). Where their nodes are stations times roll angles,
     pressure is trigonometric in roll; a refined grid carries it there first, since linear interpolation over an
     angle h reduces harmonic m by (m h)^2 / 12. Where both surfaces are the same nothing is mapped.
 

@@ -34,7 +34,7 @@ from builder.trial.conditions import FEWER_BEYOND, Motion, Where, edges_of, is_i
 from builder.trial.faults import Fault, Heating, Inertia, Lost
 from builder.trial.flows import Flow
 from builder.vehicle.file import Vehicle
-from builder.vehicle.map.model_form import model_form
+from builder.vehicle.model_form import model_form
 from builder.vehicle.toml.reading import read_sections
 from builder.vehicle.toml.toml_sections import Section
 from strainfmu.errors import InputError

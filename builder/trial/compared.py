@@ -39,10 +39,10 @@ from builder.trial.cases import Case
 from builder.trial.conditions import drawn_altitudes_km, quantities
 from builder.trial.estimators import EstimateReadings, Estimates, estimate_of, with_inputs
 from builder.trial.readings import ANGLES, Readings, World, field_errors
-from builder.truth.revolution.flow_table import FlowTable, ratio_at, truth_surface
+from builder.truth.flow_table import FlowTable, ratio_at, truth_surface
 from builder.truth.shape import at_conditions, on_nodes
 from builder.vehicle.file import Vehicle
-from builder.vehicle.map.options import MapEntry
+from builder.vehicle.map_options import MapEntry
 from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, pressure_and_temperature
 from strainfmu.errors import InputError

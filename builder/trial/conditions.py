@@ -17,7 +17,7 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field
 
-from builder.truth.revolution.flow_table import FlowTable, flow_states
+from builder.truth.flow_table import FlowTable, flow_states
 from builder.vehicle.file import Vehicle
 from builder.vehicle.flight_conditions import Conditions
 from builder.vehicle.toml.toml_sections import Altitude, Section

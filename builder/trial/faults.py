@@ -23,7 +23,7 @@ from builder.structure.loads.applied import STANDARD_GRAVITY
 from builder.structure.loads.gauge_strain import gauge_strain, gauge_temperature
 from builder.structure.loads.of_vehicle import fourier_structure_of
 from builder.structure.loads.temperature import temperature_mode
-from builder.truth.revolution.flow_table import truth_surface
+from builder.truth.flow_table import truth_surface
 from builder.vehicle.file import Vehicle
 from builder.vehicle.model_entries import Resolutions
 from builder.vehicle.structure_section import Mass, Temperature, TemperatureSensor

@@ -15,7 +15,7 @@ from builder.aero.engines.newtonian import NewtonianEngine, tangent_cone_pressur
 from builder.aero.surface.mesh import SurfaceMesh, mesh_of_grid
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.noise.flow_models import other_leeward
-from builder.truth.revolution.flow_table import FlowTable, cosine_series, truth_surface
+from builder.truth.flow_table import FlowTable, cosine_series, truth_surface
 from builder.vehicle.file import Vehicle
 from builder.vehicle.toml.toml_sections import Section
 from strainfmu.arrays import FloatArray

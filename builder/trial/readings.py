@@ -26,16 +26,16 @@ from builder.trial.conditions import flight_states, flown_conditions, quantities
 from builder.trial.faults import MICRO, AddedStrain, Gauges
 from builder.trial.flows import Flow
 from builder.truth.flights import Flights, drawn_vehicle
-from builder.truth.revolution.flow_table import FlowTable, flow_states, harmonics_at, knot_weights
-from builder.truth.revolution.strain import (
+from builder.truth.flow_table import FlowTable, flow_states, harmonics_at, knot_weights
+from builder.truth.shape import ShapeStructure, at_conditions, on_nodes_of, shape_flights
+from builder.truth.true_structure import (
     FlyingSensors,
     TrueStructure,
     flights_of_flows,
     without_faint_harmonics,
 )
-from builder.truth.shape import ShapeStructure, at_conditions, on_nodes_of, shape_flights
 from builder.vehicle.file import Vehicle
-from builder.vehicle.map.options import Noise
+from builder.vehicle.map_options import Noise
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, LAYERS, static_pressure_at
 from strainfmu.estimator.air_inputs import (

@@ -13,7 +13,7 @@ import numpy as np
 from builder.structure.as_built.as_built_vehicle import AsBuilt, Counts
 from builder.structure.as_built_kinds import ALWAYS_DRAWN, IN_NOISE
 from builder.vehicle.file import Vehicle
-from builder.vehicle.map.options import Noise
+from builder.vehicle.map_options import Noise
 from builder.vehicle.structure_section import Structure
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE

@@ -14,9 +14,9 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from builder.aero.engines.registry import make_engine
-from builder.aero.loads.groups import six_loads
-from builder.aero.loads.operator import coefficients_of
-from builder.aero.mapping.pressure_map import consistent_map
+from builder.aero.load_groups import six_loads
+from builder.aero.load_operator import coefficients_of
+from builder.aero.pressure_map import consistent_map
 from builder.aero.surface.mesh import SurfaceMesh
 from builder.campaign.campaign_run import snapshots_in_memory, vehicle_campaign
 from builder.campaign.scheduling import Scheduling

@@ -18,7 +18,7 @@ from pydantic import AfterValidator, Field, PrivateAttr, model_validator
 from builder.vehicle.flight_conditions import Conditions, FlowParameter, condition_grid
 from builder.vehicle.gauges.gauge_entries import Gauges, Recorder
 from builder.vehicle.gauges.sensor_entries import Sensors
-from builder.vehicle.map.options import Calibration, MapEntry, Noise
+from builder.vehicle.map_options import Calibration, MapEntry, Noise
 from builder.vehicle.model_entries import (
     ELEMENTS,
     EULER,

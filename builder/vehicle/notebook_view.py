@@ -10,7 +10,7 @@ import numpy as np
 
 from builder.vehicle.gauges.gauge_entries import Gauges
 from builder.vehicle.gauges.layout import read_layout
-from builder.vehicle.map.options import MapEntry, Noise
+from builder.vehicle.map_options import MapEntry, Noise
 from builder.vehicle.shape.geometry import BodyOfRevolution
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError

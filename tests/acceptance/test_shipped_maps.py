@@ -21,7 +21,7 @@ from sweeps import sweep
 
 from builder.aero.engines.euler import EulerEngine
 from builder.aero.euler.planes import marching_grid_of
-from builder.aero.loads.operator import load_operator
+from builder.aero.load_operator import load_operator
 from builder.campaign.campaign_run import snapshots_of_flows, vehicle_campaign
 from builder.campaign.scheduling import Scheduling, solve_flows
 from builder.campaign.snapshots import load_snapshots
@@ -30,8 +30,8 @@ from builder.structure.as_built.as_built_vehicle import exactly_built
 from builder.structure.fourier.fourier_model import StructuralModel, structural_model
 from builder.trial.conditions import held_out_conditions
 from builder.truth.flights import drawn_vehicle
-from builder.truth.revolution.flow_table import FlowTable, load_flow_table
-from builder.truth.revolution.strain import (
+from builder.truth.flow_table import FlowTable, load_flow_table
+from builder.truth.true_structure import (
     TrueStructure,
     without_faint_harmonics,
 )

@@ -23,7 +23,7 @@ from builder.aero.deflections import Deflection, deflections_of
 from builder.aero.engine import Engine
 from builder.aero.engines.newtonian import NewtonianEngine
 from builder.aero.engines.registry import make_engine
-from builder.aero.loads.groups import six_loads
+from builder.aero.load_groups import six_loads
 from builder.aero.surface.edges import FEATURE_ANGLE, split_at_edges
 from builder.aero.surface.mesh import SurfaceMesh
 from builder.campaign.campaign_run import run_campaign, vehicle_campaign

@@ -9,12 +9,11 @@ import pytest
 from as_built_case import TITANIUM
 from drawn_tests import blank_test, drawn_readings
 
-from builder.calibration.estimate.cause import Cause
 from builder.calibration.estimate.causes import Evidence, causes_of
 from builder.calibration.estimate.estimated_vehicle import usable
 from builder.calibration.estimate.ground_test_faults import calibrate_with_faults
 from builder.calibration.estimate.outside_terms import outside_model
-from builder.calibration.estimate.readings_model import PAD_STEPS, ReadingsModel
+from builder.calibration.estimate.readings_model import PAD_STEPS, Cause, ReadingsModel
 from builder.calibration.estimate.remarks import remarks, unexplained
 from builder.calibration.ground_test.candidate_cases import harmonics_of_test
 from builder.calibration.ground_test.load_changes import common_turns, tilted

@@ -18,8 +18,8 @@ from builder.trial.conditions import held_out_conditions
 from builder.trial.readings import World
 from builder.truth import flights as truth_flights
 from builder.truth.flights import Flights
-from builder.truth.revolution.flow_table import FlowTable, ratio_at
-from builder.truth.revolution.strain import TrueFlights, TrueStructure
+from builder.truth.flow_table import FlowTable, ratio_at
+from builder.truth.true_structure import TrueFlights, TrueStructure
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
 

@@ -26,7 +26,7 @@ from builder.structure.as_built.as_built_vehicle import Counts, exactly_built
 from builder.trial.cases import Built, Case, GroundTest, GroundTests, Plan
 from builder.trial.readings import Readings
 from builder.trial.score import MISSED, Row, judged, rms_ratios
-from builder.truth.revolution.flow_table import FlowTable, save_flow_table
+from builder.truth.flow_table import FlowTable, save_flow_table
 from builder.vehicle.file import Vehicle
 from builder.vehicle.model_entries import Resolutions
 from builder.vehicle.shape.geometry import surface_grid

@@ -8,7 +8,7 @@ from as_built_case import strain_covariances
 from ensembles import listed_ensemble
 
 from builder.calibration.after_test.left_by_test import COMMON, PATTERNS, LeftByTest, Remaining, left_by_test
-from builder.inverse.modes.ensemble import Ensemble
+from builder.inverse.ensemble import Ensemble
 from builder.inverse.noise.error_list import error_named
 from builder.structure.as_built.as_built_structure import AsBuiltStructure
 from builder.structure.as_built.as_built_vehicle import as_built_std, draw_as_built

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from drawn_tests import blank_test
 
-from builder.calibration.estimate.cause import Cause
 from builder.calibration.estimate.causes import freed
 from builder.calibration.estimate.estimated_vehicle import Estimate, estimate, usable
 from builder.calibration.estimate.outside_terms import NOISE, OutsideKind, outside_model
-from builder.calibration.estimate.readings_model import ReadingsModel
+from builder.calibration.estimate.readings_model import Cause, ReadingsModel
 from builder.calibration.ground_test.load_test import LoadErrors
 from builder.structure.as_built.as_built_structure import AsBuiltStructure
 from builder.structure.as_built.as_built_vehicle import AsBuilt, as_built_std, draw_as_built

@@ -6,8 +6,16 @@ import numpy as np
 import pytest
 
 from builder.calibration.ground_test.candidate_cases import PlannedCase
-from builder.calibration.plan.kind_sigmas import KindSigmas, established, kind_sigmas, undetermined
-from builder.calibration.plan.load_plan import LoadPlan, Schedule, run_order, whole_time
+from builder.calibration.plan.load_plan import (
+    KindSigmas,
+    LoadPlan,
+    Schedule,
+    established,
+    kind_sigmas,
+    run_order,
+    undetermined,
+    whole_time,
+)
 from builder.structure.as_built.as_built_vehicle import Counts, parameter_names
 from builder.structure.loads.applied import PadPressure, Weight
 from strainfmu.estimator.signal_names import ZERO

@@ -17,7 +17,7 @@ from builder.aero.euler.scheme import flux
 from builder.campaign import snapshots
 from builder.reports.build_report import build_page
 from builder.structure import structure_file
-from builder.truth.revolution import flow_table
+from builder.truth import flow_table
 from strainfmu.cosim.models import flight_model
 from strainfmu.cosim.systems import recording
 from strainfmu.estimator.map import inverse_map

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from random_map import N_GAUGES, map_of, missing, random_map, random_model
 from state_estimates import state_gain, state_offset
 
-from builder.aero.loads.operator import coefficient_scale, load_operator
+from builder.aero.load_operator import coefficient_scale, load_operator
 from builder.vehicle.shape.geometry import chain_segments, surface_grid
 from builder.vehicle.shape.shape_entries import ReferenceQuantities
 from strainfmu.errors import InputError

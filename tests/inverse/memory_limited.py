@@ -24,7 +24,7 @@ from builder.inverse.solution import Problem, solve
 from builder.structure.mapped_structure import MappedStructure
 from builder.vehicle.file import IC3X, load_vehicle
 from builder.vehicle.gauges.layout import GaugeLayout
-from builder.vehicle.map.options import MapEntry, Noise
+from builder.vehicle.map_options import MapEntry, Noise
 from builder.vehicle.shape.geometry import surface_grid
 from builder.vehicle.shape.shape_entries import ReferenceQuantities
 from strainfmu.estimator.map.inverse_map import nothing_of, save_inverse_map

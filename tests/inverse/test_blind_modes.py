@@ -8,12 +8,12 @@ from coarse_vehicle import with_paper_map
 
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import inverse_map_of
-from builder.inverse.modes.mode_choice import MIN_STRAIN_OVER_NOISE, mode_choice_lines
+from builder.inverse.mode_choice import MIN_STRAIN_OVER_NOISE, mode_choice_lines
 from builder.inverse.problem import inverse_problem
 from builder.inverse.solution import ordered_modes, pressure_modes, solve
 from builder.structure.fourier.fourier_model import StructuralModel
 from builder.vehicle.file import Vehicle
-from builder.vehicle.map.options import MapEntry
+from builder.vehicle.map_options import MapEntry
 
 
 @pytest.mark.parametrize("form", ["absolute", "dynamic_pressure"])

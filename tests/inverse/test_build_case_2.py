@@ -17,7 +17,7 @@ from builder.inverse.build import build_inverse_map
 from builder.inverse.noise.model import nuisance_modes
 from builder.structure.fourier.fourier_model import StructuralModel
 from builder.vehicle.file import Vehicle
-from builder.vehicle.map.options import MapEntry, Noise
+from builder.vehicle.map_options import MapEntry, Noise
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState

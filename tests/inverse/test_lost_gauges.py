@@ -23,7 +23,7 @@ from builder.structure.fourier.fourier_model import StructuralModel
 from builder.structure.mapped_structure import MappedStructure
 from builder.vehicle.file import Vehicle
 from builder.vehicle.gauges.layout import GaugeLayout
-from builder.vehicle.map.options import MapEntry
+from builder.vehicle.map_options import MapEntry
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, HealthState, outlier_threshold
 from strainfmu.estimator.map.inverse_map import InverseMap, nothing_of

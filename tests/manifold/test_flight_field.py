@@ -8,7 +8,7 @@ import pytest
 from coarse_vehicle import true_flights
 from flight_maps import flight_map
 
-from builder.aero.loads.operator import load_operator
+from builder.aero.load_operator import load_operator
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
 from builder.inverse.problem import inverse_problem
@@ -16,8 +16,8 @@ from builder.manifold.nonlinear_build import with_manifold
 from builder.structure.as_built.as_built_vehicle import exactly_built
 from builder.structure.fourier.fourier_model import StructuralModel
 from builder.trial.conditions import held_out_conditions
-from builder.truth.revolution.flow_table import FlowTable, harmonics_at
-from builder.truth.revolution.strain import TrueStructure
+from builder.truth.flow_table import FlowTable, harmonics_at
+from builder.truth.true_structure import TrueStructure
 from builder.vehicle.file import Vehicle
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimator import Estimator

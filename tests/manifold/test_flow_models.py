@@ -11,14 +11,14 @@ from scaled_maps import scaled_map
 
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
-from builder.inverse.modes.ensemble import ensemble_of
+from builder.inverse.ensemble import ensemble_of
 from builder.inverse.noise.flow_models import FLOW_MODELS, LEVEL, newtonian_snapshots
 from builder.inverse.problem import inverse_problem
 from builder.inverse.solution import with_flow_models
 from builder.manifold.nonlinear_build import with_manifold
 from builder.structure.fourier.fourier_model import StructuralModel
 from builder.vehicle.file import Vehicle
-from builder.vehicle.map.model_form import model_form
+from builder.vehicle.model_form import model_form
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.flight_tables import evaluate
 

@@ -7,7 +7,7 @@ import pytest
 from deflected_shape import NAME, flights, known_map, snapshots_of_grid
 from shape_case import N_D, shape_structure, shape_vehicle
 
-from builder.aero.loads.groups import six_loads
+from builder.aero.load_groups import six_loads
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator

@@ -9,7 +9,7 @@ from deflected_shape import NAME, deflected, known_map
 from shape_case import ALTITUDE, flown, shape_structure, shape_vehicle
 from thermal_maps import REFERENCE, with_temperature
 
-from builder.aero.loads.groups import six_loads
+from builder.aero.load_groups import six_loads
 from builder.vehicle.flight_conditions import condition_grid
 from strainfmu.estimator.air_inputs import QSource
 from strainfmu.estimator.estimate import Estimate

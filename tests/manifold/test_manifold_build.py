@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from builder.aero.euler.planes import MarchingGrid
-from builder.aero.loads.operator import load_operator
+from builder.aero.load_operator import load_operator
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map, snapshot_coefficients
 from builder.inverse.noise.error_list import GRID_REFINEMENT
@@ -27,8 +27,8 @@ from builder.manifold.tables import (
 )
 from builder.structure.fourier.fourier_model import StructuralModel
 from builder.vehicle.file import Vehicle
-from builder.vehicle.map.model_form import SIZES, model_form
-from builder.vehicle.map.options import HARDWARE_ERRORS, MapEntry, Noise
+from builder.vehicle.map_options import HARDWARE_ERRORS, MapEntry, Noise
+from builder.vehicle.model_form import SIZES, model_form
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap

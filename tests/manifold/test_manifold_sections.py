@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from fmu_host import loaded
 
-from builder.aero.loads.groups import section_operator
+from builder.aero.load_groups import section_operator
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
 from builder.inverse.problem import inverse_problem

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 from fmu_host import loaded
 
-from builder.aero.loads.operator import load_operator
+from builder.aero.load_operator import load_operator
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
 from builder.inverse.noise.model import NoiseTerm
 from builder.inverse.problem import inverse_problem
-from builder.inverse.sensors.sensor_set import base_area
+from builder.inverse.sensor_set import base_area
 from builder.inverse.solution import Problem
 from builder.manifold.nonlinear_build import manifold_map, with_manifold
 from builder.structure.fourier.fourier_model import StructuralModel

@@ -28,7 +28,7 @@ from builder.manifold.condition_tables import condition_tables, with_harmonics
 from builder.manifold.discrepancy import process_on_surface, process_size
 from builder.manifold.nonlinear_build import with_manifold
 from builder.manifold.state_tables import state_tables
-from builder.vehicle.map.options import MapEntry
+from builder.vehicle.map_options import MapEntry
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator

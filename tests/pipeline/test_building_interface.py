@@ -13,7 +13,7 @@ import pytest
 from ogive import OGIVE
 
 import builder
-from builder.inverse.modes.mode_choice import mode_choice_lines
+from builder.inverse.mode_choice import mode_choice_lines
 from builder.reporting import Silent
 from builder.structure.fourier.fourier_model import StructuralModel
 from builder.structure.structure_file import Structure

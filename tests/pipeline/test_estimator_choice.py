@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from builder.campaign.snapshots import Snapshots
-from builder.inverse.modes.ensemble import ensemble_of
+from builder.inverse.ensemble import ensemble_of
 from builder.pipeline.estimator_choice import FACTS, as_chosen, compared_in_flights, left_out
 from builder.pipeline.stages import map_from
 from builder.reporting import Silent
@@ -18,8 +18,8 @@ from builder.reports.build_report.build_tables import estimator_choice
 from builder.structure.fourier.fourier_model import StructuralModel
 from builder.trial.levels import level_readings
 from builder.trial.readings import Readings, World, joined
-from builder.truth.revolution.flow_table import FlowTable
-from builder.truth.revolution.strain import TrueStructure
+from builder.truth.flow_table import FlowTable
+from builder.truth.true_structure import TrueStructure
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map_needs import why_linear
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap

@@ -11,16 +11,16 @@ from inverse_case import Case, snapshots_at
 from builder.aero.engine import Flow, FlowKey
 from builder.aero.engines.euler import EulerEngine
 from builder.aero.euler.planes import marching_grid_of
-from builder.aero.loads.operator import coefficient_scale
+from builder.aero.load_operator import coefficient_scale
 from builder.inverse.build import snapshot_coefficients
-from builder.inverse.sensors.sensor_set import surface_rows
-from builder.inverse.sensors.structural import rows_on_surface
+from builder.inverse.sensor_set import surface_rows
+from builder.inverse.structural_sensors import rows_on_surface
 from builder.pipeline.built_sensors import flown_sensors
 from builder.structure.as_built.as_built_vehicle import exactly_built
 from builder.structure.fourier.fourier_model import StructuralModel
 from builder.structure.fourier.shell_mesh import meshed_wall
-from builder.truth.revolution.flow_table import FlowTable, flow_keys, pressure_harmonics, truth_engine, truth_knots
-from builder.truth.revolution.strain import TrueStructure, flight_model, sensor_readings
+from builder.truth.flow_table import FlowTable, flow_keys, pressure_harmonics, truth_engine, truth_knots
+from builder.truth.true_structure import TrueStructure, flight_model, sensor_readings
 from builder.vehicle.file import Vehicle
 from builder.vehicle.gauges.sensor_entries import Fibre, InertialUnit, Ports, Sensors
 from strainfmu.cosim.models.flight_model import FlightModel, FlightPoint, evaluate

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 from changed_vehicle import write_changed
 
-from builder.aero.loads.operator import coefficient_scale
+from builder.aero.load_operator import coefficient_scale
 from builder.campaign.snapshots import Snapshots, save_snapshots
 from builder.figures.placement_figures import placement_figure
 from builder.inverse.build import build_inverse_map
-from builder.inverse.modes.ensemble import rolled_modes
+from builder.inverse.ensemble import rolled_modes
 from builder.inverse.problem import inverse_problem
 from builder.inverse.solution import Problem
 from builder.manifold.nonlinear_build import with_manifold
@@ -390,7 +390,6 @@ def test_a_review_names_what_a_layout_lacks(linear: Study) -> None:
 def test_pressure_behind_a_normal_force_is_never_alike_all_round(nonlinear: Study) -> None:
     """Pressure alike all round makes no normal force; it goes with errors of the flight state, which are named."""
     hidden = dict(zip(COEFFICIENT_NAMES, review_of(nonlinear).hidden, strict=True))
-    print("HIDDEN", hidden)
     for name in ("C_N", "C_Y", "M_P", "M_Y"):
         assert "(axial load)" not in hidden[name], hidden[name]
     assert "the flight state within the air data" in hidden["C_N"]

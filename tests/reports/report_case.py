@@ -18,8 +18,8 @@ from builder.inverse.problem import inverse_problem
 from builder.inverse.solution import Problem, Solution, solve
 from builder.structure.fourier.fourier_model import StructuralModel, structural_model
 from builder.vehicle.file import Vehicle, load_vehicle
-from builder.vehicle.map.options import MapEntry
 from builder.vehicle.map_needs import used_layouts
+from builder.vehicle.map_options import MapEntry
 from strainfmu.estimator.map.inverse_map import InverseMap, nothing_of
 from strainfmu.linear.state_map import StateMap, gaussian_map, least_squares_map
 

@@ -16,9 +16,9 @@ from report_case import CASE_1, ReportCase, case_of
 
 from builder.aero.surface.mesh import mesh_of_grid
 from builder.campaign.snapshots import Snapshots, snapshots_on
-from builder.figures.map.observability_figures import unrolled_pressure
+from builder.figures.observability_figures import unrolled_pressure
 from builder.inverse.build import build_inverse_map
-from builder.inverse.modes.mode_choice import mode_choice_lines
+from builder.inverse.mode_choice import mode_choice_lines
 from builder.inverse.noise.model import nuisance_modes
 from builder.reports.build_report.build_findings import BuildReport, build_report, exclusions
 from builder.reports.build_report.build_page import first_screen, report_page, write_numbers
@@ -30,7 +30,7 @@ from builder.reports.page.page_tables import Column, shown
 from builder.structure.fourier.fourier_model import StructuralModel
 from builder.structure.mapped_structure import MappedStructure
 from builder.vehicle.file import Vehicle
-from builder.vehicle.map.options import MapEntry
+from builder.vehicle.map_options import MapEntry
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, save_inverse_map
 from strainfmu.estimator.map.sensors import STRAIN, SensorRows

@@ -7,7 +7,7 @@ import pytest
 from flight_maps import ROWS, STATIONS, exact_response, flight_map
 from scaled_maps import scaled_map
 
-from builder.figures.map.uncertainty import AccuracyMap, accuracy_maps
+from builder.figures.uncertainty import AccuracyMap, accuracy_maps
 from builder.reports.build_report.build_sections import flight_accuracy as accuracy_section
 from builder.reports.findings.envelope_states import (
     ALL,

@@ -23,7 +23,7 @@ from builder.reports.page.page_tables import percent
 from builder.structure.fourier.fourier_model import StructuralModel
 from builder.structure.observability import SYMMETRIES
 from builder.vehicle.file import Vehicle
-from builder.vehicle.map.options import MapEntry, Noise
+from builder.vehicle.map_options import MapEntry, Noise
 from builder.vehicle.shape.geometry import SurfaceGrid
 from builder.vehicle.shape.shape_entries import ReferenceQuantities
 

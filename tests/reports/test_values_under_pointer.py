@@ -16,6 +16,7 @@ from clipping import set_width, show
 from page_checks import assert_self_contained
 from report_case import ReportCase
 
+from builder.figures import gauge_figures as gauges
 from builder.figures.drawing import (
     COLOUR_MAP,
     Place,
@@ -26,7 +27,6 @@ from builder.figures.drawing import (
     mark,
     roll_degrees,
 )
-from builder.figures.map import gauge_figures as gauges
 from builder.reports.build_report.build_findings import BuildReport
 from builder.reports.build_report.build_tables import report_tables
 from builder.reports.page.html import SCRIPT, Page, Picture, Section, page_html

@@ -8,9 +8,8 @@ from typing import cast
 import pytest
 
 from builder.reproduce.paper_readings import READINGS, SHIPPED
-from builder.reproduce.parity import CRITERIA, Found, ParityRow, _of_ratio
+from builder.reproduce.parity import CRITERIA, REASONS, Found, ParityRow, _of_ratio
 from builder.reproduce.published import PUBLISHED
-from builder.reproduce.reasons import REASONS
 from builder.reproduce.strain_models import HEXAHEDRA, TETRAHEDRA
 from builder.reproduce.studies import Studies
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from builder.aero.loads.operator import load_operator
+from builder.aero.load_operator import load_operator
 from builder.reproduce.case_1 import case_1_map, field_example, pod_of, study_case_1
 from builder.reproduce.case_2 import case_2_map, load_readings, odd_part, study_field, study_gamma
 from builder.reproduce.measurements import class_rows, crime_rows, hoop_rows, reading_rows, scatter_rows

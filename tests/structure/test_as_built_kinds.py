@@ -10,7 +10,7 @@ from builder.calibration.ground_test.load_test import LoadErrors
 from builder.calibration.ground_test.load_test_file import ErrorEntries
 from builder.structure.as_built.as_built_vehicle import exactly_built
 from builder.structure.as_built_kinds import ALWAYS_DRAWN, AS_BUILT, IN_FLIGHT, IN_NOISE, KINDS, OF_LOADS
-from builder.vehicle.map.options import HARDWARE_ERRORS, Calibration, Noise
+from builder.vehicle.map_options import HARDWARE_ERRORS, Calibration, Noise
 
 pytestmark = pytest.mark.fast
 

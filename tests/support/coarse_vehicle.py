@@ -15,12 +15,12 @@ from once import once
 from builder.aero.engine import Flow, FlowKey
 from builder.aero.engines.euler import EulerEngine
 from builder.aero.euler.planes import marching_grid_of
-from builder.aero.loads.operator import load_operator
+from builder.aero.load_operator import load_operator
 from builder.campaign.scheduling import Scheduling, solve_flows
 from builder.campaign.snapshots import Snapshots, load_snapshots, save_snapshots
 from builder.inverse.problem import gauge_noise_covariance
 from builder.structure.fourier.fourier_model import StructuralModel, structural_model
-from builder.truth.revolution.flow_table import (
+from builder.truth.flow_table import (
     FlowTable,
     flow_keys,
     flow_states,
@@ -30,10 +30,10 @@ from builder.truth.revolution.flow_table import (
     truth_knots,
     truth_surface,
 )
-from builder.truth.revolution.strain import TrueFlights, TrueStructure, flights_of_flows, true_structure
+from builder.truth.true_structure import TrueFlights, TrueStructure, flights_of_flows, true_structure
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
 from builder.vehicle.flight_conditions import condition_grid
-from builder.vehicle.map.options import MapEntry
+from builder.vehicle.map_options import MapEntry
 from builder.vehicle.model_entries import Resolution, Resolutions
 from strainfmu.flight_condition import FlightCondition
 from strainfmu.linear.pressure_modes import LowRankPrior, prior_of_snapshots, proper_orthogonal_decomposition

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from builder.inverse.modes.ensemble import Ensemble
+from builder.inverse.ensemble import Ensemble
 from strainfmu.arrays import FloatArray
 from strainfmu.flight_condition import FlightCondition
 

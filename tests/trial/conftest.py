@@ -23,8 +23,8 @@ from builder.structure.fourier.fourier_model import StructuralModel
 from builder.trial import conditions
 from builder.trial.cases import cases_for, load_trial
 from builder.trial.readings import World
-from builder.truth.revolution.flow_table import FlowTable, solved_flows
-from builder.truth.revolution.strain import TrueStructure
+from builder.truth.flow_table import FlowTable, solved_flows
+from builder.truth.true_structure import TrueStructure
 from builder.vehicle.file import Vehicle
 from builder.vehicle.flight_conditions import FlowParameter
 from builder.vehicle.gauges.sensor_entries import InertialUnit, Ports, Sensors

@@ -9,7 +9,7 @@ import pytest
 from builder.structure.as_built_kinds import ALWAYS_DRAWN, IN_NOISE
 from builder.trial.cases import FILES, Case, cases_for, load_trial
 from builder.vehicle.file import IC3X, VEHICLES, Vehicle, load_vehicle
-from builder.vehicle.map.options import HARDWARE_ERRORS, Noise
+from builder.vehicle.map_options import HARDWARE_ERRORS, Noise
 from builder.vehicle.structure_section import Mass
 from strainfmu.errors import FaultsError, InputError
 

@@ -24,8 +24,8 @@ from builder.trial.faults import standard_temperature
 from builder.trial.readings import World, joined, read_case
 from builder.trial.run import readings_of, scored
 from builder.trial.score import ALL, MISSED, Row
-from builder.truth.revolution.flow_table import load_flow_table
-from builder.truth.revolution.strain import TrueStructure
+from builder.truth.flow_table import load_flow_table
+from builder.truth.true_structure import TrueStructure
 from builder.vehicle.file import IC3X, load_vehicle
 from strainfmu.errors import InputError
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY

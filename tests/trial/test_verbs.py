@@ -40,8 +40,8 @@ from builder.trial.faults import (
 from builder.trial.flows import Flow, Spot
 from builder.trial.readings import World, read_motion
 from builder.trial.run import Task, run_task
-from builder.truth.revolution.flow_table import FlowTable, solved_knots, truth_surface
-from builder.truth.revolution.strain import TrueStructure
+from builder.truth.flow_table import FlowTable, solved_knots, truth_surface
+from builder.truth.true_structure import TrueStructure
 from builder.vehicle.file import IC3X, VEHICLES, Vehicle, load_vehicle
 from strainfmu.atmosphere import pressure_and_temperature
 from strainfmu.errors import FlowReachError

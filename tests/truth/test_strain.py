@@ -13,23 +13,23 @@ import pytest
 from coarse_vehicle import true_flights
 from ensembles import listed_ensemble
 
-from builder.aero.loads.operator import coefficients_of, load_operator
+from builder.aero.load_operator import coefficients_of, load_operator
 from builder.inverse.noise.hardware_errors import HardwareError, hardware_errors
 from builder.structure.as_built.as_built_vehicle import AsBuilt, Counts, exactly_built
 from builder.structure.as_built.wall_regions import counts_of
 from builder.structure.as_built_kinds import IN_FLIGHT, IN_NOISE
 from builder.structure.fourier.fourier_model import structural_model
 from builder.truth.flights import drawn_vehicle
-from builder.truth.revolution.flow_table import (
+from builder.truth.flow_table import (
     FlowTable,
     harmonics_at,
     load_flow_table,
     save_flow_table,
     truth_surface,
 )
-from builder.truth.revolution.strain import TrueFlights, TrueStructure, true_structure
+from builder.truth.true_structure import TrueFlights, TrueStructure, true_structure
 from builder.vehicle.file import VEHICLES, Vehicle, load_vehicle
-from builder.vehicle.map.options import Noise
+from builder.vehicle.map_options import Noise
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import FlowReachError, InputError
 from strainfmu.flight_condition import FlightCondition

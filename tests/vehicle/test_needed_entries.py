@@ -11,7 +11,7 @@ import pytest
 from changed_vehicle import TEXT, refusal, write_changed
 
 from builder.reporting import Silent
-from builder.truth.revolution.flow_table import harmonics_at, solved_flows, truth_knots
+from builder.truth.flow_table import harmonics_at, solved_flows, truth_knots
 from builder.vehicle.file import VEHICLES, load_vehicle
 from builder.vehicle.model_entries import Resolution
 from strainfmu.errors import InputError

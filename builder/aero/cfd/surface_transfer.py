@@ -33,14 +33,14 @@ from scipy import sparse
 from scipy.spatial import cKDTree
 
 from builder.aero.cfd.surface_field import SurfaceField
-from builder.aero.mapping.mapping_report import (
+from builder.aero.mapping_report import (
     MappingTolerances,
     SurfaceGap,
     check_mapping,
     mapping_report,
     surface_gap,
 )
-from builder.aero.mapping.pressure_map import PressureMap, interpolation_at, pressure_map
+from builder.aero.pressure_map import PressureMap, interpolation_at, pressure_map
 from builder.aero.surface.closest_points import closest_points
 from builder.aero.surface.edges import part_of_node
 from builder.aero.surface.mesh import SurfaceMesh

@@ -139,7 +139,7 @@ def mesh_of(surface: Surface) -> SurfaceMesh:
 def mesh_load_operator(mesh: SurfaceMesh, moment_station: float) -> FloatArray:
     """Return the loads per nodal pressure, (5, n) [m2, m2, m2, m3, m3].
 
-    Rows as in :func:`builder.aero.loads.operator.load_operator`: axial, normal, side force, pitching moment
+    Rows as in :func:`builder.aero.load_operator.load_operator`: axial, normal, side force, pitching moment
     (nose-up), yawing moment (nose to starboard) about (moment_station, 0, 0), of F = integral of -p n dS. Exact
     for pressure linear over each triangle: integral of N_i N_j over a triangle is A (1 + delta_ij)/12.
     """

@@ -13,7 +13,7 @@ from builder.calibration.estimate.estimated_vehicle import Estimate
 from builder.calibration.ground_test.load_test import REPLACED
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
-from builder.inverse.modes.ensemble import ensemble_of
+from builder.inverse.ensemble import ensemble_of
 from builder.inverse.problem import inverse_problem, on_structure
 from builder.manifold.nonlinear_build import with_manifold
 from builder.structure.as_built.as_built_vehicle import GAUGE_KINDS, AsBuilt, slices

@@ -16,8 +16,8 @@ from builder.calibration.after_test.left_by_test import Remaining, blocks_of
 from builder.structure.as_built.as_built_structure import AsBuiltStructure
 from builder.structure.as_built.as_built_vehicle import AsBuilt, exactly_built, of_gauges, slices
 from builder.trial.readings import World
-from builder.truth.revolution.flow_table import FlowTable, by_parity, flow_states, knot_weights
-from builder.truth.revolution.strain import TrueFlights, reading_of, strain_per_pressure
+from builder.truth.flow_table import FlowTable, by_parity, flow_states, knot_weights
+from builder.truth.true_structure import TrueFlights, reading_of, strain_per_pressure
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.signal_names import ZERO

@@ -18,7 +18,7 @@ import numpy as np
 from scipy.linalg import eigh
 from scipy.sparse import csr_array
 
-from builder.inverse.modes.ensemble import Ensemble
+from builder.inverse.ensemble import Ensemble
 from builder.inverse.noise.error_list import IN_COMMON_AFTER_TEST, OF_EACH_AFTER_TEST
 from builder.inverse.noise.hardware_errors import HardwareError
 from builder.inverse.noise.model import NoiseTerm

@@ -23,9 +23,8 @@ import numpy as np
 from scipy.linalg import solve_triangular
 from scipy.sparse import csr_array
 
-from builder.calibration.estimate.cause import Cause, Where
 from builder.calibration.estimate.gaussian import GaussianModel
-from builder.calibration.estimate.readings_model import PAD_STEPS, ReadingsModel, scaled_columns
+from builder.calibration.estimate.readings_model import PAD_STEPS, Cause, ReadingsModel, Where, scaled_columns
 from builder.calibration.ground_test.load_changes import change_by, hanging
 from builder.structure.as_built.as_built_vehicle import slices
 from builder.structure.as_built_kinds import KINDS

@@ -18,10 +18,9 @@ from scipy.sparse import csr_array
 from scipy.special import chdtrc
 
 from builder.calibration.estimate.case_faults import MODEL, NO_CAUSE, Fault, case_fault_after, case_faults
-from builder.calibration.estimate.cause import Cause
 from builder.calibration.estimate.causes import Evidence, freed
 from builder.calibration.estimate.estimated_vehicle import Estimate, estimate, minimum, usable
-from builder.calibration.estimate.readings_model import ReadingsModel, scaled_columns
+from builder.calibration.estimate.readings_model import Cause, ReadingsModel, scaled_columns
 from builder.structure.as_built.as_built_structure import OF_MASS
 from builder.structure.loads.applied import load_kind
 from strainfmu.arrays import BoolArray, FloatArray

@@ -11,6 +11,8 @@ from the first case to the last, and the hysteresis of every gauge and of all.
 A load cell that reads R applies R (1 + gain) + offset + X (q 4 u (1 - u) + c 6 sqrt(3) u (1 - u) (1 - 2 u)),
 u = R / X, X its full scale. The curve vanishes at both ends, q and c are its largest values over X. Steps of
 the loads show it: :mod:`builder.calibration.estimate.load_steps`.
+
+One cause of readings that do not fit.
 """
 
 from __future__ import annotations
@@ -18,13 +20,12 @@ from __future__ import annotations
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse import csr_array, vstack
 
-from builder.calibration.estimate.cause import Cause
 from builder.calibration.estimate.gaussian import GaussianModel
 from builder.calibration.estimate.load_steps import StepParts, step_parts
 from builder.calibration.ground_test.load_changes import (
@@ -56,6 +57,35 @@ from builder.structure.loads.applied import Load, PadForce, PointForce, load_kin
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.signal_names import ZERO
+
+Where = Literal["vehicle", "noise", "load", "gauge", "case"]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Cause:
+    """One cause.
+
+    Attributes
+    ----------
+    where : what differs: the vehicle or the whole test, the noise, a load, a gauge or a case.
+    kind : of the vehicle or the test "direction", "rig", "pad size", "load cell", "support", "joint", "modulus",
+        "taper", "second harmonic", "drift" or "hysteresis"; of a gauge "gain" or "gauge"; the kind of ``where``
+        otherwise.
+    number : of the load cell, joint, load, gauge or case.
+    entries : of the vector that are set free; empty where scatter is added.
+    wide : (n,) their standard deviations.
+    factor : of the noise; of a gauge or a case without entries what its scatter adds to its noise, over it.
+    together : whether the entries go together, as ``wide`` and its opposite: one quantity, not each on its own.
+    """
+
+    where: Where
+    kind: str
+    number: int = 0
+    entries: IntArray
+    wide: FloatArray
+    factor: float = 1.0
+    together: bool = False
+
 
 PAD_STEPS = {
     "place": KINDS["pad_position"].step,

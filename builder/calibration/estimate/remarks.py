@@ -14,12 +14,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from builder.calibration.estimate.case_faults import Fault
-from builder.calibration.estimate.cause import Cause
 from builder.calibration.estimate.causes import Evidence, least_of
 from builder.calibration.estimate.estimated_vehicle import Estimate
 from builder.calibration.estimate.ground_test_faults import too_many
 from builder.calibration.estimate.outside_terms import OutsideModel
-from builder.calibration.estimate.readings_model import DIRECTIONS, PAD, ReadingsModel
+from builder.calibration.estimate.readings_model import DIRECTIONS, PAD, Cause, ReadingsModel
 from builder.structure.as_built.as_built_vehicle import slices
 
 NAMED = 3.0

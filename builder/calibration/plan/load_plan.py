@@ -1,5 +1,8 @@
 """Design of a ground test: load cases for a vehicle, each with what it buys in flight, and how they are run: steps
-of loading and unloading, zero readings between, and the time that it takes."""
+of loading and unloading, zero readings between, and the time that it takes.
+
+Standard deviations of the vehicle's parameters before and after a test, kind by kind, and in words.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.sparse import csr_array
 
-from builder.aero.loads.operator import coefficient_scale
+from builder.aero.load_operator import coefficient_scale
 from builder.calibration.estimate.readings_model import ReadingsModel, scaled_columns
 from builder.calibration.ground_test.candidate_cases import (
     LoadLimits,
@@ -27,20 +30,90 @@ from builder.calibration.plan.case_selection import (
     no_knowledge,
     select_cases,
 )
-from builder.calibration.plan.kind_sigmas import KindSigmas, kind_sigmas
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
-from builder.inverse.modes.ensemble import ensemble_of
+from builder.inverse.ensemble import ensemble_of
 from builder.inverse.problem import AnyStructure, on_structure
 from builder.reporting import Progress
-from builder.structure.as_built.as_built_vehicle import places_of, slices, uncertain_keys
+from builder.structure.as_built.as_built_vehicle import Counts, places_of, slices, uncertain_keys
 from builder.structure.as_built.displaced_structure import AnyAsBuilt
+from builder.structure.as_built_kinds import KINDS
 from builder.structure.loads.applied import Load, SurfacePressure
 from builder.vehicle.file import Vehicle
-from strainfmu.arrays import FloatArray
+from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.other_loads import FIVE_LOADS
 from strainfmu.estimator.signal_names import ZERO
+
+ESTABLISHED, AT_PRIOR = 0.5, 0.9
+"""Standard deviation after a test over that before: up to which a kind is established, from which it stays as it
+was."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class KindSigmas:
+    """Root mean square of the standard deviations of one kind, in SI.
+
+    Attributes
+    ----------
+    kind : of :data:`~builder.structure.as_built_kinds.KINDS`.
+    before, after : the test.
+    """
+
+    kind: str
+    before: float
+    after: float
+
+    @property
+    def is_established(self) -> bool:
+        """Whether the test at least halves it."""
+        return self.after <= ESTABLISHED * self.before
+
+    @property
+    def stays(self) -> bool:
+        """Whether the test hardly changes it."""
+        return self.after >= AT_PRIOR * self.before
+
+    def size(self, value: float) -> str:
+        """Return a size of this kind, to two digits, with its unit."""
+        digits = float(f"{value / KINDS[self.kind].scale:.2g}")
+        return f"{np.format_float_positional(digits, trim='-')} {KINDS[self.kind].unit}"
+
+
+def kind_sigmas(
+    counts: Counts, before: FloatArray, after: FloatArray, used: BoolArray | None = None
+) -> list[KindSigmas]:
+    """Return the kinds that are not known exactly before a test.
+
+    Parameters
+    ----------
+    before, after : (n,) of the vector.
+    used : (n_d,) gauges that count; all by default.
+    """
+    kinds = []
+    for kind, place in slices(counts).items():
+        chosen = used if used is not None and used.any() and KINDS[kind].extent == "gauge" else slice(None)
+        if before[place][chosen].any():
+            prior, left = (float(np.sqrt(np.mean(stds[place][chosen] ** 2))) for stds in (before, after))
+            kinds.append(KindSigmas(kind=kind, before=prior, after=left))
+    return kinds
+
+
+def established(kinds: Sequence[KindSigmas]) -> str:
+    """Return the kinds that a test establishes, in one line; empty without any."""
+    parts = [
+        f"{KINDS[kind.kind].in_words} {kind.size(kind.after)} ({kind.size(kind.before)})"
+        for kind in kinds
+        if kind.is_established
+    ]
+    return f"of the vehicle, 1 sigma (before the test): {', '.join(parts)}" if parts else ""
+
+
+def undetermined(kinds: Sequence[KindSigmas]) -> str:
+    """Return the kinds that a test leaves as they were, in one line; empty without any."""
+    parts = [f"{KINDS[kind.kind].in_words} ({kind.size(kind.after)})" for kind in kinds if kind.stays]
+    return f"as uncertain as before the test: {', '.join(parts)}" if parts else ""
+
 
 FLIGHTS = 24
 """Pressure fields of the map's ensemble that stand for the flights."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from builder.aero.loads.operator import load_operator_on
+from builder.aero.load_operator import load_operator_on
 from builder.calibration.estimate.estimated_vehicle import Estimate
 from builder.calibration.estimate.regression import applied_loads
 from builder.calibration.ground_test.candidate_cases import (
@@ -24,7 +24,7 @@ from builder.calibration.plan.load_plan import (
     flight_sensitivity,
     within_limits,
 )
-from builder.inverse.modes.ensemble import ensemble_of
+from builder.inverse.ensemble import ensemble_of
 from builder.inverse.problem import on_structure
 from builder.structure.loads.applied import Weight
 from strainfmu.arrays import FloatArray

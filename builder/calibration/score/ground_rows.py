@@ -13,7 +13,7 @@ from functools import partial
 
 import numpy as np
 
-from builder.aero.loads.operator import coefficient_scales_at
+from builder.aero.load_operator import coefficient_scales_at
 from builder.calibration.after_test.calibrated_map import remaining_after
 from builder.calibration.after_test.left_by_test import Remaining, left_by_test
 from builder.calibration.estimate.estimated_vehicle import Estimate

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from builder.aero.loads.operator import coefficients_of, load_operator
+from builder.aero.load_operator import coefficients_of, load_operator
 from builder.calibration.after_test.calibrated_map import calibrated_map, calibrated_structure
 from builder.calibration.after_test.left_by_test import LeftByTest, Remaining
 from builder.calibration.estimate.readings_model import ReadingsModel
@@ -27,7 +27,7 @@ from builder.calibration.ground_test.structure_of_test import prior_of_test, str
 from builder.calibration.plan.load_plan import PlanParts, load_plan, run_order
 from builder.calibration.score.simulated_test import standard_load_cases
 from builder.campaign.snapshots import Snapshots, load_snapshots, snapshots_on
-from builder.inverse.modes.ensemble import Ensemble, ensemble_of
+from builder.inverse.ensemble import Ensemble, ensemble_of
 from builder.structure.as_built.as_built_structure import AsBuiltStructure, as_built_structure, with_surface_of
 from builder.structure.as_built.as_built_vehicle import AsBuilt, StrainOfLoads, as_built_std, draw_as_built
 from builder.structure.as_built.response_tables import together
@@ -40,7 +40,7 @@ from builder.trial.cases import GroundTest, GroundTests
 from builder.trial.conditions import held_out_conditions, quantities
 from builder.trial.faults import MICRO
 from builder.trial.readings import Readings, Shared, navigation_at
-from builder.truth.revolution.flow_table import FlowTable, load_flow_table, ratio_at
+from builder.truth.flow_table import FlowTable, load_flow_table, ratio_at
 from builder.vehicle.file import Vehicle
 from builder.vehicle.model_entries import Resolution
 from builder.vehicle.shape.geometry import SurfaceGrid

@@ -29,7 +29,7 @@ from builder.inverse.noise.inertia import MASSES, THEORY, VIBRATION_MODES
 from builder.inverse.noise.inertia import NAME as INERTIA
 from builder.inverse.noise.recorder import MISMATCH, PICKUP, SCAN
 from builder.structure.as_built_kinds import IN_NOISE, Role
-from builder.vehicle.map.model_form import ModelForm
+from builder.vehicle.model_form import ModelForm
 from builder.vehicle.toml.toml_sections import Section
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.signal_names import TEMPERATURE
@@ -72,7 +72,7 @@ class MapError:
     role : see above.
     entry : of the vehicle file that states its standard deviation, empty where the build determines it.
     unit : of the entry.
-    size : attribute of :class:`~builder.vehicle.map.model_form.ModelForm` that has its size [1], where the entry
+    size : attribute of :class:`~builder.vehicle.model_form.ModelForm` that has its size [1], where the entry
         may be left out.
     """
 

@@ -19,11 +19,11 @@ import numpy as np
 from builder.aero.engines.newtonian import NewtonianEngine
 from builder.aero.surface.mesh import mesh_of
 from builder.campaign.snapshots import Snapshots
-from builder.inverse.modes.ensemble import Ensemble
+from builder.inverse.ensemble import Ensemble
 from builder.inverse.noise.flows_between import SolvedFlows
 from builder.inverse.noise.model import FAINT_COLUMN, NoiseTerm, pressure_errors, principal_columns, size_of
-from builder.vehicle.map.model_form import ModelForm
 from builder.vehicle.model_entries import Aerodynamics
+from builder.vehicle.model_form import ModelForm
 from strainfmu.arrays import FloatArray
 
 LEEWARD_PRESSURE = "leeward pressure of newtonian flow"

@@ -26,7 +26,7 @@ from builder.aero.engines.euler import EulerEngine
 from builder.aero.engines.newtonian import NewtonianEngine
 from builder.aero.euler.planes import MarchingGrid
 from builder.campaign.snapshots import Snapshots
-from builder.inverse.modes.ensemble import Ensemble
+from builder.inverse.ensemble import Ensemble
 from builder.vehicle.file import FlowEntries
 from builder.vehicle.flight_conditions import flow_key
 from strainfmu.arrays import FloatArray

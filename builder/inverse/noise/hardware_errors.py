@@ -21,7 +21,7 @@ from typing import Any, cast
 import numpy as np
 
 from builder.aero.surface.mesh import grid_of
-from builder.inverse.modes.ensemble import ROWS_AT_ONCE, Ensemble
+from builder.inverse.ensemble import ROWS_AT_ONCE, Ensemble
 from builder.inverse.noise.model import NoiseTerm, common_error, gauge_errors, nuisance_modes
 from builder.structure.as_built.as_built_vehicle import (
     AsBuilt,
@@ -40,7 +40,7 @@ from builder.structure.mapped_structure import MappedStructure
 from builder.structure.solid.gauge_layouts import displaced_name
 from builder.vehicle.file import Vehicle
 from builder.vehicle.gauges.gauge_entries import Gauges
-from builder.vehicle.map.options import Noise
+from builder.vehicle.map_options import Noise
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import PAIRS

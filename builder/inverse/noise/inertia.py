@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from builder.aero.loads.groups import Surface
-from builder.aero.loads.operator import load_operator_on
-from builder.inverse.modes.ensemble import Ensemble
+from builder.aero.load_groups import Surface
+from builder.aero.load_operator import load_operator_on
+from builder.inverse.ensemble import Ensemble
 from builder.inverse.noise.hardware_errors import HardwareError
 from builder.inverse.noise.model import NoiseTerm, nuisance_modes
 from builder.structure.fourier.fourier_model import place_layouts

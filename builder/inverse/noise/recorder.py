@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from builder.inverse.modes.ensemble import Ensemble
+from builder.inverse.ensemble import Ensemble
 from builder.inverse.noise.hardware_errors import HardwareError
 from builder.inverse.noise.model import NoiseTerm, nuisance_modes
 from builder.vehicle.gauges.gauge_entries import Recorder

@@ -31,7 +31,7 @@ from builder.trial.estimators import Estimates, estimate_of, estimates_from, of_
 from builder.trial.levels import HARDWARE
 from builder.trial.readings import ANGLES, Readings, World, joined, read_own_vehicles
 from builder.trial.score import ROLLING, by_load, rows_of
-from builder.truth.revolution.strain import TrueFlights, TrueStructure, flights_of_flows, true_structure
+from builder.truth.true_structure import TrueFlights, TrueStructure, flights_of_flows, true_structure
 from builder.vehicle.file import Vehicle
 from builder.vehicle.shape.geometry import surface_grid
 from strainfmu.arrays import FloatArray, IntArray

@@ -19,8 +19,8 @@ import numpy as np
 from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.figures import demonstration as figures
 from builder.figures.drawing import save
-from builder.figures.scene.picture_files import write_picture
-from builder.figures.scene.scene import scene_of_snapshot, shape_with_gauges
+from builder.figures.picture_files import write_picture
+from builder.figures.scene import scene_of_snapshot, shape_with_gauges
 from builder.pipeline.built_sensors import flown_sensors
 from builder.pipeline.map_files import make_independent_flows
 from builder.pipeline.pipeline import FLOWS, MAP, SNAPSHOTS, STRUCTURE, Pipeline
@@ -30,9 +30,9 @@ from builder.structure.as_built_kinds import IN_NOISE
 from builder.structure.structure_file import load_structure
 from builder.trial.readings import ANGLES
 from builder.trial.score import ROLLING
-from builder.truth.revolution.flow_table import load_flow_table, truth_knots
-from builder.truth.revolution.strain import TrueStructure, flight_model
+from builder.truth.flow_table import load_flow_table, truth_knots
 from builder.truth.shape import flights_along, flows_along, flying_structure
+from builder.truth.true_structure import TrueStructure, flight_model
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map_needs import is_in_radians
 from strainfmu.cosim.estimators.fmu_step import FmuStep

@@ -32,8 +32,8 @@ from builder.structure.observability import (
     symmetry_responses,
 )
 from builder.vehicle.file import Vehicle
-from builder.vehicle.map.model_form import model_form_percent
-from builder.vehicle.map.options import OWN_NOISE, Noise
+from builder.vehicle.map_options import OWN_NOISE, Noise
+from builder.vehicle.model_form import model_form_percent
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import InverseMap

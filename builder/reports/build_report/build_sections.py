@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from builder.figures.map import gauge_figures, observability_figures
-from builder.figures.map import uncertainty as uncertainty_figures
-from builder.figures.map.uncertainty import AccuracyMap, accuracy_maps
-from builder.figures.scene.scene import scene_of, solid_view
+from builder.figures import gauge_figures, observability_figures
+from builder.figures import uncertainty as uncertainty_figures
+from builder.figures.scene import scene_of, solid_view
 from builder.figures.snapshot_figures import force_curves, surface_maps
-from builder.inverse.modes.mode_choice import mode_choice_lines
+from builder.figures.uncertainty import AccuracyMap, accuracy_maps
+from builder.inverse.mode_choice import mode_choice_lines
 from builder.placement.review import SPARE, Review
 from builder.reports.build_report.build_findings import BuildReport
 from builder.reports.build_report.build_tables import MICROSTRAIN_PER_KPA, main_class

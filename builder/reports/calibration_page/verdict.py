@@ -19,7 +19,7 @@ from builder.calibration.estimate.estimated_vehicle import Estimate
 from builder.calibration.estimate.load_steps import SteppedCase
 from builder.calibration.estimate.outside_terms import OutsideModel
 from builder.calibration.estimate.regression import LoadEquation
-from builder.calibration.plan.kind_sigmas import KindSigmas, established, kind_sigmas, undetermined
+from builder.calibration.plan.load_plan import KindSigmas, established, kind_sigmas, undetermined
 from builder.calibration.plan.worth_of_test import WorthOfTest
 from builder.reports.page.origin import Origin
 from strainfmu.arrays import BoolArray

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from builder.aero.loads.groups import Surface
+from builder.aero.load_groups import Surface
 from builder.inverse.noise.error_list import MODEL_FORM
 from builder.inverse.noise.flow_models import FLOW_MODELS
 from builder.inverse.noise.model import NoiseTerm

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import sparse
 
-from builder.aero.mapping.pressure_map import mirror_operator
+from builder.aero.pressure_map import mirror_operator
 from builder.aero.surface.mesh import Surface, SurfaceMesh, grid_of, mesh_of
 from builder.inverse.noise.model import NoiseModel
 from builder.inverse.solution import Problem, Solution, mode_choice, pressure_modes

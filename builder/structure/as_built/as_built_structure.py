@@ -79,7 +79,7 @@ from builder.structure.loads.of_vehicle import load_properties
 from builder.structure.loads.temperature import TemperatureField
 from builder.vehicle.file import Vehicle
 from builder.vehicle.gauges.layout import GaugeLayout
-from builder.vehicle.map.options import Calibration
+from builder.vehicle.map_options import Calibration
 from builder.vehicle.model_entries import Resolution
 from builder.vehicle.shape.geometry import SurfaceGrid, surface_grid
 from strainfmu.arrays import BoolArray, FloatArray, IntArray

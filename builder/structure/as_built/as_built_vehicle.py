@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from builder.structure.as_built_kinds import AS_BUILT, IN_FLIGHT, IN_NOISE, KINDS, ParameterKind
 from builder.structure.loads.applied import Load
-from builder.vehicle.map.options import Calibration, Noise
+from builder.vehicle.map_options import Calibration, Noise
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.signal_names import ZERO

@@ -52,7 +52,7 @@ from builder.structure.solid.gauge_layouts import (
 )
 from builder.vehicle.file import Vehicle
 from builder.vehicle.gauges.layout import GaugeLayout
-from builder.vehicle.map.options import Calibration, Noise
+from builder.vehicle.map_options import Calibration, Noise
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.errors import InputError

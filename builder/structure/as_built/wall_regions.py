@@ -15,7 +15,7 @@ from builder.structure.as_built_kinds import BY_REGION, KINDS
 from builder.structure.fourier.meridian_mesh import MeridianMesh, line_nodes
 from builder.structure.wall import Wall, wall_of
 from builder.vehicle.file import Vehicle
-from builder.vehicle.map.options import Calibration
+from builder.vehicle.map_options import Calibration
 from builder.vehicle.shape.geometry import BodyOfRevolution
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError

@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from builder.aero.cfd.formats.vtk_files import write_vtk
-from builder.aero.mapping.pressure_map import nodal_force_operator
+from builder.aero.pressure_map import nodal_force_operator
 from builder.aero.surface.mesh import SurfaceMesh
 from builder.campaign.snapshots import Snapshots
 from builder.structure.external.strain_table import (

@@ -15,7 +15,7 @@ from rich.table import Table
 import builder
 import strainfmu
 from builder.pipeline.progress_bars import ConsoleReporter
-from builder.vehicle.named_file import naming
+from builder.vehicle.toml.reading import naming
 from strainfmu.cli.commands.printed import say
 from strainfmu.errors import InputError
 

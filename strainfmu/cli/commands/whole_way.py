@@ -12,7 +12,7 @@ from rich.table import Table
 
 import builder
 from builder.pipeline.progress_bars import ConsoleReporter
-from builder.vehicle.named_file import naming
+from builder.vehicle.toml.reading import naming
 from strainfmu.cli.commands.demo_results import show_result, write_readme
 from strainfmu.cli.commands.printed import say
 

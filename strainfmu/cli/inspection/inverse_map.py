@@ -282,9 +282,9 @@ def _inertia(inertia: InertiaMap) -> Table:
 
 def _draw(loaded: InverseMap, folder: Path) -> list[str]:
     """Draw the figures that need the map alone and return the names of the files."""
+    from builder.figures import gauge_figures as gauges
+    from builder.figures import uncertainty
     from builder.figures.drawing import save
-    from builder.figures.map import gauge_figures as gauges
-    from builder.figures.map import uncertainty
     from builder.reports.findings.gauge_value import gauge_value
 
     value = gauge_value(loaded)

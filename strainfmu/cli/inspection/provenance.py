@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
-from builder.inverse.modes.mode_choice import mode_choice_lines
+from builder.inverse.mode_choice import mode_choice_lines
 from strainfmu.estimator.map.inverse_map import ABSOLUTE, PER_PRESSURE
 
 OF_LEVELS = ("chi-square", "largest |z|", "chi-square of the shapes")

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from builder.aero.cfd.results_table import TableEngine, table_engine
-from builder.aero.loads.operator import coefficient_scale, load_operator
+from builder.aero.load_operator import coefficient_scale, load_operator
 from builder.aero.surface.mesh import mesh_of_grid
 from builder.campaign.snapshots import Snapshots
 from builder.vehicle.shape.geometry import SurfaceGrid

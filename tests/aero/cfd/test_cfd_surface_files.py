@@ -9,8 +9,7 @@ import meshio
 import numpy as np
 import pytest
 
-from builder.aero.cfd.formats.surface_export import close_openings, open_edges, write_surface
-from builder.aero.cfd.formats.surface_files import read_surface
+from builder.aero.cfd.formats.surface_files import close_openings, open_edges, read_surface, write_surface
 from builder.aero.cfd.surface_field import read_field
 from builder.aero.surface.edges import merge_nodes
 from builder.aero.surface.mesh import SurfaceMesh, mesh_of_grid

@@ -10,7 +10,7 @@ import pytest
 
 from builder.aero.engines.euler import EulerEngine, pressure_at_stations, pressure_ratio_on_surface
 from builder.aero.euler.bodies.solver import FlowSolution, MarchingGrid
-from builder.aero.loads.operator import load_operator
+from builder.aero.load_operator import load_operator
 from builder.vehicle.shape.geometry import BodyOfRevolution, SurfaceGrid, surface_grid
 from strainfmu.flight_condition import FlightCondition
 

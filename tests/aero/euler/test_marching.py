@@ -22,7 +22,7 @@ from builder.aero.euler.planes import GRID_LEVELS, MarchingGrid, free_stream
 from builder.aero.euler.scheme.gas import expanded_pressure_ratio
 from builder.aero.euler.scheme.grid import Step, cell_areas, full_body_rays, half_body_rays, place_vertices
 from builder.aero.euler.scheme.march import advance_cells, decode, find_fluxes
-from builder.aero.loads.operator import load_operator
+from builder.aero.load_operator import load_operator
 from builder.vehicle.shape.geometry import BodyOfRevolution, surface_grid
 from strainfmu.errors import FlowReachError, InputError
 

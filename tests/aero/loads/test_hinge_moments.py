@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from builder.aero.loads.groups import hinge_operator, other_load_fields, other_load_operator, six_loads
+from builder.aero.load_groups import hinge_operator, other_load_fields, other_load_operator, six_loads
 from builder.aero.surface.mesh import SurfaceMesh
-from builder.vehicle.map.options import MapEntry
+from builder.vehicle.map_options import MapEntry
 from strainfmu.errors import InputError
 
 pytestmark = pytest.mark.fast

@@ -8,7 +8,7 @@ from math import cos, pi, radians, tan
 import numpy as np
 import pytest
 
-from builder.aero.loads.operator import coefficient_scale, load_operator
+from builder.aero.load_operator import coefficient_scale, load_operator
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import pressure_load
 from builder.structure.wall import Material, Wall

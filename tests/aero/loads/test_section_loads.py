@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from builder.aero.loads.groups import (
+from builder.aero.load_groups import (
     forces_and_moments,
     other_load_operator,
     part_below,
@@ -13,9 +13,9 @@ from builder.aero.loads.groups import (
     six_loads,
     whole_surface,
 )
-from builder.aero.loads.operator import load_operator
+from builder.aero.load_operator import load_operator
 from builder.aero.surface.mesh import SurfaceMesh, mesh_load_operator, mesh_of_grid
-from builder.vehicle.map.options import MapEntry
+from builder.vehicle.map_options import MapEntry
 from builder.vehicle.shape.geometry import SurfaceGrid, chain_segments, surface_grid
 from strainfmu.errors import InputError
 

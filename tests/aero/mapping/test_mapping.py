@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from builder.aero.cfd.surface_transfer import reconstruct
-from builder.aero.mapping.pressure_map import (
+from builder.aero.pressure_map import (
     consistent_map,
     nodal_force_operator,
     pressure_map,

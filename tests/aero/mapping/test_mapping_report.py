@@ -8,8 +8,8 @@ from math import radians
 import numpy as np
 import pytest
 
-from builder.aero.mapping.mapping_report import MappingReport, MappingTolerances, check_mapping, mapping_report
-from builder.aero.mapping.pressure_map import pressure_map
+from builder.aero.mapping_report import MappingReport, MappingTolerances, check_mapping, mapping_report
+from builder.aero.pressure_map import pressure_map
 from builder.aero.surface.mesh import SurfaceMesh, mesh_of_grid
 from builder.vehicle.shape.geometry import chain_segments, surface_grid
 from strainfmu.errors import InputError

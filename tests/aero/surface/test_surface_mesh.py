@@ -7,7 +7,7 @@ from math import pi
 import numpy as np
 import pytest
 
-from builder.aero.loads.operator import load_operator
+from builder.aero.load_operator import load_operator
 from builder.aero.surface.mesh import SurfaceMesh, mesh_load_operator, mesh_of_grid
 from builder.vehicle.shape.geometry import chain_segments, surface_grid
 from strainfmu.errors import InputError

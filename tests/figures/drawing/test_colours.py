@@ -10,7 +10,7 @@ from matplotlib.colors import to_hex
 
 from builder.aero.surface.mesh import SurfaceMesh
 from builder.figures.drawing import colour_ends, part_colours
-from builder.figures.map.uncertainty import coefficients
+from builder.figures.uncertainty import coefficients
 
 pytestmark = pytest.mark.fast
 

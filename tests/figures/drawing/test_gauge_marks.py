@@ -11,8 +11,8 @@ import pytest
 from builder.aero.surface.mesh import mesh_of_grid
 from builder.figures.demonstration import gauges
 from builder.figures.drawing import gauge_kinds, kind_label
-from builder.figures.map.gauge_figures import gauge_loss
-from builder.figures.map.observability_figures import unrolled_pressure
+from builder.figures.gauge_figures import gauge_loss
+from builder.figures.observability_figures import unrolled_pressure
 from builder.vehicle.shape.geometry import chain_segments, surface_grid
 from strainfmu.estimator.map.sensors import STRAIN, SensorRows, strain_rows
 

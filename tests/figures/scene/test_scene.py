@@ -13,8 +13,8 @@ import pytest
 
 from builder.aero.cfd.formats.vtk_files import read_vtk
 from builder.aero.surface.mesh import mesh_of_grid
-from builder.figures.scene.picture_files import write_picture
-from builder.figures.scene.scene import (
+from builder.figures.picture_files import write_picture
+from builder.figures.scene import (
     BOX_SIDES,
     OBLIQUE_VIEWS,
     STATE_COLOURS,

@@ -16,7 +16,7 @@ from builder.inverse.problem import gauge_noise_covariance, inverse_problem
 from builder.inverse.solution import solve
 from builder.structure.fourier.fourier_model import StructuralModel
 from builder.vehicle.file import Vehicle
-from builder.vehicle.map.options import MapEntry, Noise
+from builder.vehicle.map_options import MapEntry, Noise
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from ensembles import listed_ensemble
 
+from builder.inverse.ensemble import ROLLS, Ensemble
 from builder.inverse.envelope import PRESSURE_SLACK, coefficient_half_spaces, flight_ranges
-from builder.inverse.modes.ensemble import ROLLS, Ensemble
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
-from builder.vehicle.map.options import MapEntry
+from builder.vehicle.map_options import MapEntry
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.atmosphere import dynamic_pressure
 from strainfmu.flight_condition import FlightCondition

@@ -16,8 +16,8 @@ from raw_fmu import OK, Fmu2, Fmu3, write_resource
 from recorded_case import read_csv, write_csv
 from shape_case import flown, grid_conditions, shape_map, shape_structure, shape_vehicle
 
-from builder.aero.loads.groups import bending_operator, hinge_operator
-from builder.vehicle.map.options import BendingMoment, HingeMoment, Region
+from builder.aero.load_groups import bending_operator, hinge_operator
+from builder.vehicle.map_options import BendingMoment, HingeMoment, Region
 from strainfmu.can.machine import Result
 from strainfmu.can.profiles import Identifiers
 from strainfmu.can.quality import Quality

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from builder.aero.loads.groups import other_load_operator
+from builder.aero.load_groups import other_load_operator
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map, inverse_map_of, on_observable_states
 from builder.inverse.problem import inverse_problem

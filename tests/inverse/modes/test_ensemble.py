@@ -13,13 +13,13 @@ from inverse_case import snapshots_at
 from builder.aero.engine import Engine
 from builder.aero.engines.euler import EulerEngine
 from builder.aero.euler.planes import marching_grid_of
-from builder.aero.loads.operator import load_operator
+from builder.aero.load_operator import load_operator
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map, snapshot_coefficients
-from builder.inverse.modes.ensemble import ROLLS, Ensemble, ensemble_of, rolled_modes
+from builder.inverse.ensemble import ROLLS, Ensemble, ensemble_of, rolled_modes
 from builder.structure.fourier.fourier_model import StructuralModel, structural_model
 from builder.vehicle.file import Vehicle
-from builder.vehicle.map.options import MapEntry, Noise
+from builder.vehicle.map_options import MapEntry, Noise
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError

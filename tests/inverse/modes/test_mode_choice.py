@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from builder.inverse.modes.mode_choice import choice_record, mode_choice_lines
+from builder.inverse.mode_choice import choice_record, mode_choice_lines
 from strainfmu.cli.inspection.provenance import provenance_rows
 
 pytestmark = pytest.mark.fast

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from builder.inverse.modes.ensemble import turned_to_gauges
+from builder.inverse.ensemble import turned_to_gauges
 from strainfmu.linear.pressure_modes import PressureModes
 
 pytestmark = pytest.mark.fast

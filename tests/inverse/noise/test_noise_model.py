@@ -37,7 +37,7 @@ from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import harmonic_response, strain_operator
 from builder.structure.wall import wall_of
 from builder.vehicle.file import Vehicle
-from builder.vehicle.map.options import Noise
+from builder.vehicle.map_options import Noise
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.reference.gain import load_covariance

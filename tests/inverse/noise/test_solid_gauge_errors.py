@@ -25,7 +25,7 @@ from builder.structure.solid.mesh_choice import MeshChoice
 from builder.structure.solid.solid_model import solve_solid_structure
 from builder.structure.wall import wall_of
 from builder.vehicle.file import Vehicle
-from builder.vehicle.map.options import Noise
+from builder.vehicle.map_options import Noise
 from strainfmu.errors import InputError
 from strainfmu.estimator.reference.gain import load_covariance
 

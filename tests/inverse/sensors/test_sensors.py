@@ -10,12 +10,12 @@ import pytest
 from fmpy import read_model_description
 from fmu_host import loaded
 
-from builder.aero.loads.operator import load_operator
+from builder.aero.load_operator import load_operator
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
-from builder.inverse.modes.ensemble import ensemble_of
+from builder.inverse.ensemble import ensemble_of
 from builder.inverse.problem import inverse_problem
-from builder.inverse.sensors.sensor_set import port_row
+from builder.inverse.sensor_set import port_row
 from builder.inverse.solution import Problem
 from builder.structure.fourier.fourier_model import StructuralModel
 from builder.vehicle.file import Vehicle

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
-from builder.vehicle.map.options import HARDWARE_ERRORS, MapEntry, Noise
+from builder.vehicle.map_options import HARDWARE_ERRORS, MapEntry, Noise
 from strainfmu.linear.regularisation import RULES
 
 pytestmark = pytest.mark.fast

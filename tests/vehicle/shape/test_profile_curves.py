@@ -17,7 +17,7 @@ from builder.aero.euler.planes import MarchingGrid
 from builder.aero.surface.mesh import mesh_load_operator, mesh_of_grid
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.wall import Material, Wall
-from builder.truth.revolution.flow_table import truth_engine
+from builder.truth.flow_table import truth_engine
 from builder.vehicle.file import IC3X, load_vehicle
 from builder.vehicle.shape.geometry import BodyOfRevolution, chain_pieces, is_blunt, surface_grid
 from builder.vehicle.shape.profile_entries import Piece, profile_misfits, profile_record

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from solid_bodies import METAL, harmonic_field, tube
 
-from builder.aero.mapping.mapping_report import MappingTolerances, check_mapping, mapping_report
-from builder.aero.mapping.pressure_map import pressure_map
+from builder.aero.mapping_report import MappingTolerances, check_mapping, mapping_report
+from builder.aero.pressure_map import pressure_map
 from builder.aero.surface.mesh import mesh_of_grid
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import harmonic_response

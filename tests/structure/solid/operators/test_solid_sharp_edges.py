@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from solid_bodies import cube
 
-from builder.aero.mapping.mapping_report import mapping_report
-from builder.aero.mapping.pressure_map import pressure_map
+from builder.aero.mapping_report import mapping_report
+from builder.aero.pressure_map import pressure_map
 from builder.structure.solid.nodal_loads import pressure_load, split_surface, triangulated_surface
 from builder.structure.solid.solid_mesh import EXTERNAL, SolidMesh
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from builder.aero.mapping.pressure_map import PressureMap
+from builder.aero.pressure_map import PressureMap
 from builder.aero.surface.closest_points import closest_points
 from builder.aero.surface.mesh import SurfaceMesh
 from strainfmu.arrays import FloatArray

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from builder.vehicle.map.options import MapEntry, Noise
+from builder.vehicle.map_options import MapEntry, Noise
 
 MODEL_FORM_PERCENT = 10.0
 """Default of the entry, which the factors below belong to."""

@@ -25,7 +25,7 @@ from builder.figures.drawing import (
     roll_degrees,
     unrolled_triangles,
 )
-from builder.figures.map.gauge_figures import draw_gauges, gauge_areas, gauge_texts
+from builder.figures.gauge_figures import draw_gauges, gauge_areas, gauge_texts
 from builder.structure.observability import SYMMETRIES
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.estimator.map.inverse_map import InverseMap

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from builder.aero.cfd.formats.vtk_files import write_vtk
 from builder.campaign.snapshots import load_snapshots
 from builder.figures.drawing import COLOUR_MAP, colour_ends, save
-from builder.figures.scene.scene import BOX, BOX_SIDES, STATE_COLOURS, Scene, scene_of_snapshot, solid_view
+from builder.figures.scene import BOX, BOX_SIDES, STATE_COLOURS, Scene, scene_of_snapshot, solid_view
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.estimator.map.inverse_map import load_inverse_map

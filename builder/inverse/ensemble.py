@@ -15,7 +15,7 @@ from functools import cached_property
 
 import numpy as np
 
-from builder.aero.loads.operator import coefficient_scale
+from builder.aero.load_operator import coefficient_scale
 from builder.campaign.snapshots import Snapshots
 from builder.vehicle.file import Vehicle
 from builder.vehicle.flight_conditions import flow_key

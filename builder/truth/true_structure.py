@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from builder.aero.loads.operator import coefficient_scales_at, load_operator
+from builder.aero.load_operator import coefficient_scales_at, load_operator
 from builder.reporting import Progress
 from builder.structure.as_built.as_built_structure import AsBuiltStructure
 from builder.structure.as_built.as_built_vehicle import AsBuilt
@@ -36,7 +36,7 @@ from builder.structure.fourier.fourier_model import place_layouts
 from builder.structure.fourier.shell_mesh import meshed_wall
 from builder.structure.fourier.strain_operator import harmonic_response
 from builder.truth.flights import Flights, pressures_at
-from builder.truth.revolution.flow_table import FlowTable, by_parity
+from builder.truth.flow_table import FlowTable, by_parity
 from builder.vehicle.file import Vehicle
 from builder.vehicle.shape.geometry import SurfaceGrid, surface_grid
 from strainfmu.arrays import FloatArray
@@ -365,7 +365,7 @@ def _with_sensors(gauges: FlightGauges, sensors: BuiltSensors) -> FlightGauges:
 
 def _spline_table(mach: FloatArray, incidence: FloatArray, values: FloatArray, parity: FloatArray) -> FloatArray:
     """Return the polynomial coefficients of a tensor-product cubic spline through flows at the knots, mirrored as
-    the knots of :mod:`~builder.truth.revolution.flow_table`.
+    the knots of :mod:`~builder.truth.flow_table`.
 
     Parameters
     ----------

@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from builder.aero.loads.operator import load_operator_on
+from builder.aero.load_operator import load_operator_on
 from builder.aero.surface.mesh import Surface, grid_of
-from builder.inverse.modes.ensemble import Ensemble
+from builder.inverse.ensemble import Ensemble
 from builder.inverse.noise.hardware_errors import HardwareError, error_terms, rms_ambient_pressure
 from builder.inverse.noise.model import NoiseTerm, common_error, gauge_noise, nuisance_modes
-from builder.inverse.sensors.structural import SensorRow, structural_rows
+from builder.inverse.structural_sensors import SensorRow, structural_rows
 from builder.structure.fourier.fourier_model import StructuralModel
 from builder.structure.mapped_structure import MappedStructure
 from builder.vehicle.file import Vehicle

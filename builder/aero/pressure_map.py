@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import sparse
 
-from builder.aero.loads.operator import load_operator
+from builder.aero.load_operator import load_operator
 from builder.aero.surface.closest_points import ClosestPoints, closest_points
 from builder.aero.surface.mesh import SurfaceMesh, mesh_load_operator, roll_moment_operator
 from builder.vehicle.shape.geometry import SurfaceGrid
@@ -133,7 +133,7 @@ def pressure_map(source: SurfaceMesh, target: SurfaceMesh, grid: SurfaceGrid | N
     """Return the transfer of nodal pressure from ``source`` to ``target``.
 
     Where ``grid`` has the target's nodes, its loads are
-    :func:`builder.aero.loads.operator.load_operator`'s, not the loads of the chords between its nodes.
+    :func:`builder.aero.load_operator.load_operator`'s, not the loads of the chords between its nodes.
 
     The conservative correction A^-1 L^T (L A^-1 L^T)^-1, with nodal areas A and the target's load operator L,
     minimises sum_i A_i (q_i - p_i)^2 under L q = the source's loads.

@@ -18,9 +18,9 @@ from typing import Any
 
 import numpy as np
 
-from builder.aero.loads.operator import load_operator
+from builder.aero.load_operator import load_operator
 from builder.aero.surface.mesh import Surface, SurfaceMesh, grid_of, mesh_of
-from builder.vehicle.map.options import MapEntry, Region
+from builder.vehicle.map_options import MapEntry, Region
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.sensors import HingeLines

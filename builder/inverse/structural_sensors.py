@@ -24,7 +24,7 @@ from builder.structure.mapped_structure import MappedStructure
 from builder.structure.wall import Material
 from builder.vehicle.file import Vehicle
 from builder.vehicle.gauges.sensor_entries import Displacements, Fibre, Sensors
-from builder.vehicle.map.options import Noise
+from builder.vehicle.map_options import Noise
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError

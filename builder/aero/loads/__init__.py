@@ -1,1 +1,0 @@
-"""Forces and moments of a surface pressure: of the whole body, and of sections along it."""

@@ -1,1 +1,0 @@
-"""Options of the map: sections [map], [noise] and [calibration], and the rules that find gamma."""
