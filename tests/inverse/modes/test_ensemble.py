@@ -196,6 +196,14 @@ def test_a_fixed_internal_pressure_does_not_scale(
     np.testing.assert_allclose(ensemble.responses(z_p), (ratio * of_altitudes.pressure - 30e3) @ z_p.T, rtol=1e-9)
 
 
+def test_an_operator_that_reads_nothing_has_responses_of_zero(vehicle: Vehicle, of_altitudes: Snapshots) -> None:
+    """Such as the turn of a row of gauges that none of some gauges is in."""
+    ensemble = ensemble_of(vehicle, of_altitudes)
+    nothing = np.zeros((2, of_altitudes.pressure.shape[1]))
+    assert ensemble.grid is not None
+    np.testing.assert_array_equal(ensemble.responses(nothing), np.zeros((len(ensemble.member_weight), 2)))
+
+
 def test_the_absolute_form_takes_one_internal_pressure(vehicle: Vehicle, of_altitudes: Snapshots) -> None:
     entry = with_map(vehicle, form="absolute", symmetry="listed")
     message = r"^map.form 'absolute': expected one internal pressure, got 1\d+.* to \d+.* Pa; give one altitude, "
