@@ -20,7 +20,6 @@ from builder.figures.drawing import save
 from builder.figures.source_figures import SIDES
 from builder.reports.page.html import Block, Items, Page, Paragraph, Picture, Section, write_page
 from builder.reports.page.page_tables import Table, by_name, tables_json, write_csv
-from builder.reproduce import paper_tables as tables
 from builder.reproduce.parity import parity_rows, verdicts
 from builder.reproduce.protocol import DRAWN_MODES, EXAMPLES, PUBLISHED_GAMMA, Sizes
 from builder.reproduce.published import PUBLISHED
@@ -413,18 +412,18 @@ def all_tables(studies: Studies, moment_station: float) -> dict[str, Table]:
     """Return all tables by name; ``moment_station`` [m] is the vehicle file's."""
     rows = parity_rows(studies)
     made = [
-        tables.parity_table(rows),
-        tables.parity_numbers(rows),
-        tables.verdict_table(verdicts(studies)),
-        tables.reading_table(studies),
-        tables.hoop_table(studies),
-        tables.crime_table(studies),
-        tables.class_table(studies),
-        tables.layout_table(studies),
-        tables.load_table(studies, moment_station),
-        tables.gamma_table(studies),
-        tables.coverage_table(studies),
-        tables.scatter_table(studies),
+        parity_table(rows),
+        parity_numbers(rows),
+        verdict_table(verdicts(studies)),
+        reading_table(studies),
+        hoop_table(studies),
+        crime_table(studies),
+        class_table(studies),
+        layout_table(studies),
+        load_table(studies, moment_station),
+        gamma_table(studies),
+        coverage_table(studies),
+        scatter_table(studies),
     ]
     return by_name(made)
 
