@@ -13,7 +13,7 @@ import numpy as np
 from builder.aero.load_groups import other_load_operator
 from builder.aero.load_operator import load_operator_on
 from builder.aero.shapes import outer_surface
-from builder.aero.surface.mesh import grid_of, mesh_of
+from builder.aero.surface.mesh import Surface, grid_of, mesh_of
 from builder.campaign.snapshots import Snapshots, snapshots_on
 from builder.inverse.ensemble import Ensemble, ensemble_of
 from builder.inverse.noise.flow_models import (
@@ -40,6 +40,8 @@ from builder.structure.gauge_checks import gauges_in_use
 from builder.structure.mapped_structure import MappedStructure
 from builder.structure.solid.checks import ELEMENT_FRACTION
 from builder.vehicle.file import Vehicle
+from builder.vehicle.gauges.gauge_entries import Recorder
+from builder.vehicle.gauges.layout import GaugeLayout
 from builder.vehicle.map_options import Noise
 from builder.vehicle.model_form import model_form
 from strainfmu.arrays import FloatArray
@@ -208,13 +210,14 @@ def check_other_loads(vehicle: Vehicle) -> None:
     other_load_operator(surface, vehicle.map, vehicle.reference_quantities().moment_station)
 
 
-def _terms_of_readings(vehicle: Vehicle, structure: AnyStructure, covariance: FloatArray) -> list[NoiseTerm]:
-    """Return the noise ``covariance`` (n_d, n_d) of the gauges, modes of its file, and common errors."""
-    layout, file = structure.layouts[vehicle.gauges.layout], vehicle.noise.nuisance_file
-    nuisance = [] if file is None else nuisance_terms(vehicle.beside(file), layout.names)
-    along = mesh_of(structure.surface).point[:, 0]
+def _terms_of_readings(
+    layout: GaugeLayout, covariance: FloatArray, file: Path | None, recorder: Recorder, surface: Surface
+) -> list[NoiseTerm]:
+    """Return the noise ``covariance`` (n_d, n_d) of the gauges, modes of a ``file``, and common errors."""
+    nuisance = [] if file is None else nuisance_terms(file, layout.names)
+    along = mesh_of(surface).point[:, 0]
     aft = (layout.position[:, 0] - along.min()) / np.ptp(along)
-    return [gauge_noise(covariance), *nuisance, *recorder_terms(vehicle.recorder, aft)]
+    return [gauge_noise(covariance), *nuisance, *recorder_terms(recorder, aft)]
 
 
 def inverse_problem(
@@ -253,7 +256,13 @@ def inverse_problem(
     if mesh is not None and vehicle.noise.model == "default":
         errors += mesh.terms()
     terms = [
-        *_terms_of_readings(vehicle, structure, covariance),
+        *_terms_of_readings(
+            structure.layouts[vehicle.gauges.layout],
+            covariance,
+            None if vehicle.noise.nuisance_file is None else vehicle.beside(vehicle.noise.nuisance_file),
+            vehicle.recorder,
+            structure.surface,
+        ),
         *hardware_terms(vehicle.noise, errors, ensemble, z_p),
         *thermal_terms(vehicle.temperature, thermal),
         *inertia_terms(inertia, by_inertia),

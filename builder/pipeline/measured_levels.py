@@ -106,7 +106,7 @@ def with_shape_levels(
     if known is None or check is None:
         structure = flying_structure(vehicle, known, reporter)
     else:
-        structure = structure_of_check(vehicle, known, check)
+        structure = structure_of_check(known, check, vehicle.gauges.layout, vehicle.noise)
 
     world = World(vehicle=vehicle, structure=structure, flows=flows, inverse_map=inverse_map)
 

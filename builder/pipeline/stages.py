@@ -209,7 +209,8 @@ def check_before_long_work(vehicle: Vehicle, conditions: int | None = None) -> N
     InputError
         Names the entry of the vehicle file.
     """
-    check_map_size(vehicle, check_gauges(vehicle)[vehicle.gauges.layout], conditions)
+    count = len(vehicle.flight_conditions()) if conditions is None else conditions
+    check_map_size(vehicle.map, check_gauges(vehicle)[vehicle.gauges.layout], count)
     check_noise(vehicle)
     check_other_loads(vehicle)
 

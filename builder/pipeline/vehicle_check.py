@@ -99,7 +99,7 @@ def _checked(vehicle: Vehicle, path: Path, reporter: Reporter) -> VehicleCheck:
     engine = faults.result_of(lambda: make_engine(vehicle, None, vehicle.resolution.map, note=reporter.note))
     conditions = (None if engine is None else engine.conditions()) or vehicle.flight_conditions()
     if gauges is not None:
-        faults.result_of(lambda: check_map_size(vehicle, gauges[vehicle.gauges.layout], len(conditions)))
+        faults.result_of(lambda: check_map_size(vehicle.map, gauges[vehicle.gauges.layout], len(conditions)))
         faults.result_of(lambda: check_noise(vehicle))
     faults.result_of(lambda: check_other_loads(vehicle))
     flies = vehicle.truth.manoeuvre is not None

@@ -33,6 +33,7 @@ from builder.structure.structure_file import MeshCheck, Structure
 from builder.truth.flights import Flights, pressures_at
 from builder.vehicle.file import Vehicle
 from builder.vehicle.flight_conditions import ConditionSet
+from builder.vehicle.map_options import Noise
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.cosim.models.trajectory import Trajectory
 from strainfmu.errors import FlowReachError, InputError
@@ -110,7 +111,7 @@ def flying_structure(vehicle: Vehicle, known: Structure | None, reporter: Report
         There is no second mesh.
     """
     if vehicle.structure.mesh is not None and known is not None and known.check is not None:
-        return structure_of_check(vehicle, known, known.check)
+        return structure_of_check(known, known.check, vehicle.gauges.layout, vehicle.noise)
     layout = vehicle.gauges.layout
     case = structure_case(vehicle, [layout])
     mesh = flying_mesh(vehicle, case)
@@ -121,16 +122,16 @@ def flying_structure(vehicle: Vehicle, known: Structure | None, reporter: Report
     ends = np.cumsum([len(gauges.name) for gauges in case.layouts.values()])
     operators = dict(zip(case.layouts, np.split(check.strain_operator, ends[:-1]), strict=True))
     gauges = case.layouts[layout]
-    return _structure(vehicle, gauges.name, gauges.position, check, operators.__getitem__)
+    return _structure(layout, vehicle.noise, gauges.name, gauges.position, check, operators.__getitem__)
 
 
-def structure_of_check(vehicle: Vehicle, known: Structure, check: MeshCheck) -> ShapeStructure:
-    """Return the gauges in use on the mesh that ``known``, the structure of the map, was checked by."""
-    gauges = known.gauges_of(vehicle.gauges.layout)
-    names = tuple(known.gauge_names[i] for i in gauges)
+def structure_of_check(known: Structure, check: MeshCheck, layout: str, noise: Noise) -> ShapeStructure:
+    """Return the gauges of ``layout`` on the mesh that ``known``, the structure of the map, was checked by."""
+    gauges = known.gauges_of(layout)
     return _structure(
-        vehicle,
-        names,
+        layout,
+        noise,
+        tuple(known.gauge_names[i] for i in gauges),
         known.gauge_position[gauges],
         check,
         lambda name: check.strain_operator[known.gauges_of(name)],
@@ -138,7 +139,8 @@ def structure_of_check(vehicle: Vehicle, known: Structure, check: MeshCheck) -> 
 
 
 def _structure(
-    vehicle: Vehicle,
+    layout: str,
+    noise: Noise,
     names: tuple[str, ...],
     position: FloatArray,
     check: MeshCheck,
@@ -146,11 +148,11 @@ def _structure(
 ) -> ShapeStructure:
     """Return the structure from ``check``, whose ``operators`` by name of layout are of gauges in place and
     displaced."""
-    refuse_others(vehicle.noise)
+    refuse_others(noise)
     assert check.point is not None
     assert check.triangle is not None
-    layout, moved = vehicle.gauges.layout, None
-    if vehicle.noise.moves_gauges:
+    moved = None
+    if noise.moves_gauges:
         moved = {how: operators(displaced_name(layout, how)) for how in DISPLACED}.__getitem__
     return ShapeStructure(
         names=names,

@@ -9,6 +9,7 @@ from collections.abc import Iterator, Sequence
 from math import degrees, pi
 
 from builder.vehicle.file import Vehicle
+from builder.vehicle.map_options import MapEntry
 from strainfmu.errors import InputError
 from strainfmu.flight_condition import FlightCondition
 
@@ -58,24 +59,21 @@ def unused_entries(vehicle: Vehicle) -> Iterator[str]:
         yield "map.prior_modes: not used, it is for case 2, and the map's is 1"
 
 
-def check_map_size(vehicle: Vehicle, n_gauges: int, n_conditions: int | None = None) -> None:
-    """Refuse more modes, or modes of the prior, than the gauges or the snapshots can carry.
-
-    ``n_conditions`` is the number of snapshots; by default the number of the vehicle file's conditions.
+def check_map_size(entry: MapEntry, n_gauges: int, conditions: int) -> None:
+    """Refuse more modes, or modes of the prior, than the gauges or as many ``conditions`` can carry.
 
     Raises
     ------
     InputError
         ``map.modes`` or ``map.prior_modes`` is too large.
     """
-    conditions = len(vehicle.flight_conditions()) if n_conditions is None else n_conditions
     max_modes = min(n_gauges, conditions) - 1
-    if vehicle.map.case == 1 and vehicle.map.modes > max_modes:
+    if entry.case == 1 and entry.modes > max_modes:
         raise InputError(
-            f"map.modes: {vehicle.map.modes} found, at most {max_modes} allowed with {n_gauges} gauges and "
+            f"map.modes: {entry.modes} found, at most {max_modes} allowed with {n_gauges} gauges and "
             f"{conditions} conditions"
         )
-    entry, prior_modes = vehicle.map, vehicle.map.prior_modes
+    prior_modes = entry.prior_modes
     # With full symmetry there are more snapshots than conditions.
     listed = entry.case == 2 and entry.symmetry == "listed"
     if listed and prior_modes is not None and prior_modes > conditions - 1:
