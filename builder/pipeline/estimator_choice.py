@@ -167,7 +167,7 @@ def at_each_value(conditions: Sequence[FlightCondition], name: str) -> list[Left
 
 
 SAME_VALUE = 6
-"""Decimals of Mach numbers and angles [rad] by which values are told apart."""
+"""Decimals of Mach numbers and angles [rad] to which values count as one."""
 
 FEWEST_VALUES = {MACH_NUMBER: 3}
 
