@@ -247,6 +247,13 @@ def updated(text: str) -> str:
     for row in table:
         old = f"| `{row.name}` | {row.cells[0]} | {row.cells[1]} |"
         text = text.replace(old, f"| `{row.name}` | {row.cells[0]} | {lines[row.name]:,} |")
+    for row in rows("Places", text):
+        path, words = row.cells[0].strip("`"), row.cells[1].strip("`")
+        if not (ROOT / path).is_file():  # moved: where the words stand now, if that is one place
+            places = [
+                place.as_posix() for place in files() if place.parts[0] != "tests" and words in text_of(place)
+            ]
+            text = text.replace(f"`{path}`", f"`{places[0]}`") if len(places) == 1 else text
     for row in rows("Measures", text):
         values = [f"{MEASURES[row.name](tree):.4g}" for tree in TREES[:2]]
         text = text.replace(
