@@ -20,7 +20,7 @@ from strainfmu.estimator.signal_names import ZERO
 from strainfmu.recorded.names import some_of
 from strainfmu.recorded.samples import Samples
 from strainfmu.recorded.selection import Selection, flown_pressure
-from strainfmu.recorded.strain_level import TOO_HIGH, LevelCheck
+from strainfmu.recorded.strain_level import TOO_HIGH, LevelCheck, raised_level
 
 HELD = "held"
 """Fault of a whole row, as :data:`ZERO` is one, in the output; of single gauges it names these."""
@@ -206,11 +206,6 @@ class DataChecks:
         factor, pressure = selection.strain_factor, selection.pressure_name
         self._level = LevelCheck(selection.path, self._reference, factor, not self.accepts_level, pressure)
 
-    def take(self, later: FaultCounts) -> None:
-        """Add what was counted elsewhere of rows that come later."""
-        self.counts.take(later)
-        self._level.level, self._level.pressure = self.counts.level, self.counts.pressure
-
     def notes(self) -> list[str]:
         """Return what is to be said of the whole file.
 
@@ -222,7 +217,7 @@ class DataChecks:
         path, excluded, counts = self.selection.path, self.selection.excluded, self.counts
         repeats, zeros = counts.held, counts.zero
         ahead = [f"{path}: left out by --exclude: {', '.join(excluded)}"] if excluded else []
-        ahead, notes = [*ahead, *self._level.notes()], list[str]()
+        ahead, notes = [*ahead, *self._level.notes(counts.level, counts.pressure)], list[str]()
         if repeats.rows:
             advice = "which are left out; --accept-held estimates them"
             notes.append(
@@ -302,8 +297,11 @@ class DataChecks:
         counts.rows += len(block.time)
         marked = self._marked(block, counts, is_held=is_held, zero=zero, railed=railed, dead=dead)
         if counts is self.counts:
-            self._level.add(size if marked.strain is strain else self._size(marked.strain), flown)
-            counts.level, counts.pressure = self._level.level, self._level.pressure
+            size = size if marked.strain is strain else self._size(marked.strain)
+            counts.level = raised_level(np.broadcast_to(counts.level, size.shape[1:]), size)
+            with np.errstate(invalid="ignore"):
+                counts.pressure = float(np.fmax(counts.pressure, np.fmax.reduce(flown)))
+            self._level.refuse_high(counts.level, counts.pressure)
         for name, values in block.flow.items():
             counts.known[name] += int(np.isfinite(values).sum())
         return marked

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import log10
 from pathlib import Path
 
@@ -82,10 +82,10 @@ def likely_units(ratio: float, factor: float) -> tuple[str, ...]:
 
 def level_of(strain: FloatArray) -> FloatArray:
     """Return (n_d,) the level of each gauge in ``strain`` (n, n_d) [m/m], NaN where it has no value."""
-    return _raised_level(np.full(strain.shape[1], np.nan), np.abs(strain))
+    return raised_level(np.full(strain.shape[1], np.nan), np.abs(strain))
 
 
-def _raised_level(level: FloatArray, size: FloatArray) -> FloatArray:
+def raised_level(level: FloatArray, size: FloatArray) -> FloatArray:
     """Return (n_d,) the larger of ``level`` and the level of |strain| (n, n_d) [m/m], NaN where both are none.
 
     The level in a block is made for those gauges alone of which enough strains are above ``level``.
@@ -100,16 +100,15 @@ def _raised_level(level: FloatArray, size: FloatArray) -> FloatArray:
     return raised
 
 
-@dataclass(eq=False)
+@dataclass(frozen=True, eq=False)
 class LevelCheck:
-    """Compares the strains of a file with the map's, block by block.
+    """Compares the level (n_d,) of the gauges of a file [m/m] with the map's, at its largest q_inf [Pa].
 
     Attributes
     ----------
     factor : of the unit of the strains, to m/m.
     refuses : whether another level is refused; else a note says so.
     source : the quantity that q_inf comes from, and the factor of its unit to Pa; None of an altitude.
-    level, pressure : (n_d,) level of each gauge [m/m] and largest q_inf [Pa] so far.
     """
 
     path: Path
@@ -117,24 +116,19 @@ class LevelCheck:
     factor: float
     refuses: bool = True
     source: tuple[str, float] | None = (DYNAMIC_PRESSURE, 1.0)
-    level: FloatArray = field(default_factory=lambda: np.array(np.nan))
-    pressure: float = float("nan")
 
-    def add(self, size: FloatArray, dynamic_pressure: FloatArray) -> None:
-        """Add a block: |strain| (n, n_d) [m/m], q_inf (n,) [Pa].
+    def refuse_high(self, level: FloatArray, pressure: float) -> None:
+        """Refuse a level so far that is far above the map's.
 
         Raises
         ------
         InputError
-            The level is far above the level of the map.
+            It is.
         """
-        self.level = _raised_level(np.broadcast_to(self.level, size.shape[1:]), size)
-        with np.errstate(invalid="ignore"):
-            self.pressure = float(np.fmax(self.pressure, np.fmax.reduce(dynamic_pressure)))
-        if self.refuses and self._above() > TOO_HIGH:
-            raise InputError(self._text(self._above()))
+        if self.refuses and (above := self._above(level, pressure)) > TOO_HIGH:
+            raise InputError(self._text(above, level))
 
-    def notes(self) -> list[str]:
+    def notes(self, level: FloatArray, pressure: float) -> list[str]:
         """Return what is to be said of the level of the whole file, nothing where it may be a flight's.
 
         Raises
@@ -142,21 +136,20 @@ class LevelCheck:
         InputError
             The level is far below the level of the map at the same dynamic pressure.
         """
-        above, below = self._above(), self._below()
-        if self.reference.ratio(self.level) == 0.0:
+        above, below = self._above(level, pressure), self._below(level, pressure)
+        if self.reference.ratio(level) == 0.0:
             return [f"{self.path}: half of the gauges or more read 0 throughout"]
         if below < TOO_LOW and self.refuses:
-            raise InputError(self._text(below))
+            raise InputError(self._text(below, level))
         if above > TOO_HIGH or below < TOO_LOW:
-            return [self._text(above if above > TOO_HIGH else below)]
-        return self._pressure_notes()
+            return [self._text(above if above > TOO_HIGH else below, level)]
+        return self._pressure_notes(level, pressure)
 
-    def _pressure_notes(self) -> list[str]:
+    def _pressure_notes(self, level: FloatArray, q: float) -> list[str]:
         """Return a note on a q_inf that the map does not cover, and that would fit the strains in another unit."""
-        reference, q = self.reference, self.pressure
-        nominal = reference.dynamic_pressure
+        reference, nominal = self.reference, self.reference.dynamic_pressure
         low, high = reference.pressure_range or (0.1 * nominal, 10.0 * nominal)
-        suggested = reference.ratio(self.level) / _TYPICAL * nominal
+        suggested = reference.ratio(level) / _TYPICAL * nominal
         if self.source is None or not q > 0.0 or low <= q <= high or not suggested > 0.0:
             return []
         name, factor = self.source
@@ -174,28 +167,26 @@ class LevelCheck:
             f"do not fit it: likely in {' or '.join(likely)}; {advice}"
         ]
 
-    def _above(self) -> float:
+    def _above(self, level: FloatArray, pressure: float) -> float:
         """Return the level over the map's, at a q_inf that may be above the map's."""
-        return self.reference.ratio(self.level) / max(1.0, min(self._flown(), 10.0))
+        return self.reference.ratio(level) / max(1.0, min(self._flown(pressure), 10.0))
 
-    def _below(self) -> float:
+    def _below(self, level: FloatArray, pressure: float) -> float:
         """Return the level over the map's at the data's largest q_inf; NaN where noise would hide the strains."""
-        reference, part = self.reference, min(self._flown(), 1.0)
+        reference, part = self.reference, min(self._flown(pressure), 1.0)
         noise = reference.noise_std[reference.observed]
         expected = part * reference.strain_range[reference.observed]
         if not part >= 0.1 or not len(noise) or float(np.median(expected - _OF_NOISE * noise)) <= 0.0:
             return float("nan")
-        return reference.ratio(self.level) / part
+        return reference.ratio(level) / part
 
-    def _flown(self) -> float:
+    def _flown(self, pressure: float) -> float:
         """Return the data's largest q_inf over the nominal one, 0 where none is known."""
-        return float(np.fmax(self.pressure / self.reference.dynamic_pressure, 0.0))
+        return float(np.fmax(pressure / self.reference.dynamic_pressure, 0.0))
 
-    def _text(self, ratio: float) -> str:
-        observed, units = self.reference.observed & np.isfinite(self.level), likely_units(ratio, self.factor)
-        read, expected = (
-            1e6 * float(np.max(values[observed])) for values in (self.level, self.reference.strain_range)
-        )
+    def _text(self, ratio: float, level: FloatArray) -> str:
+        observed, units = self.reference.observed & np.isfinite(level), likely_units(ratio, self.factor)
+        read, expected = (1e6 * float(np.max(values[observed])) for values in (level, self.reference.strain_range))
         likely, example = "no unit explains it", ""
         if units:
             names = (name for name, value in _UNITS if abs(value - self.factor) <= 1e-9 * self.factor)

@@ -15,7 +15,7 @@ from synthetic_vehicle import SyntheticFiles
 from strainfmu.errors import InputError
 from strainfmu.recorded import strain_level
 from strainfmu.recorded.run import estimate_file
-from strainfmu.recorded.strain_level import LevelCheck, LevelReference, likely_units
+from strainfmu.recorded.strain_level import LevelCheck, LevelReference, level_of, likely_units
 
 pytestmark = pytest.mark.fast
 
@@ -92,8 +92,9 @@ def notes(
     stated: tuple[str, float] | None = ("dynamic_pressure", 1.0),
 ) -> list[str]:
     check = LevelCheck(Path("d.csv"), reference, 1.0, source=stated)
-    check.add(np.atleast_2d(strain), np.full(len(np.atleast_2d(strain)), pressure))
-    return check.notes()
+    level = level_of(np.atleast_2d(strain))
+    check.refuse_high(level, pressure)
+    return check.notes(level, pressure)
 
 
 def test_a_gauge_is_seen_from_ten_times_its_noise_on() -> None:
