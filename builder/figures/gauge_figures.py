@@ -93,11 +93,12 @@ def pair_loss(
     """
     from matplotlib.colors import LogNorm
 
-    n, names = inverse_map.n_gauges, inverse_map.gauge_names
+    gauges = np.unique(pairs) if len(pairs) else np.arange(inverse_map.n_gauges)
+    n, names = len(gauges), [inverse_map.gauge_names[gauge] for gauge in gauges]
     grown = np.zeros((n, n))
-    i, j = pairs.T
+    i, j = np.searchsorted(gauges, pairs).T
     grown[i, j] = grown[j, i] = 100.0 * (pair_growth.max(axis=1) - 1.0)
-    grown[np.arange(n), np.arange(n)] = 100.0 * (growth.max(axis=1) - 1.0)
+    grown[np.arange(n), np.arange(n)] = 100.0 * (growth[gauges].max(axis=1) - 1.0)
     finite = grown[np.isfinite(grown)]
     largest = max(float(finite.max(initial=0.0)), 1.0)
     shown = ValuedFigure(blank_figure(8.0, 7.0))

@@ -17,6 +17,7 @@ from builder.placement.review import SPARE, Review
 from builder.reports.build_report.build_findings import BuildReport
 from builder.reports.build_report.build_tables import MICROSTRAIN_PER_KPA, main_class
 from builder.reports.findings.envelope_states import NAVIGATION, FlightAccuracy
+from builder.reports.findings.gauge_value import PAIRED
 from builder.reports.page.html import Block, Items, Paragraph, Section, picture
 from builder.reports.page.page_tables import Column, Table, make_table, percent
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE, MACH_NUMBER
@@ -314,7 +315,8 @@ def losses(report: BuildReport, tables: dict[str, Table]) -> Section:
                     pairs=report.gauges.pairs,
                     pair_growth=report.gauges.pair_growth,
                 ),
-                "Loss of two gauges: growth of the sigma that grows most. On the diagonal: loss of one gauge.",
+                "Loss of two gauges: growth of the sigma that grows most. On the diagonal: loss of one gauge. Of "
+                f"more than {PAIRED} gauges these are the {PAIRED} whose own loss costs most.",
                 "Matrix of gauges by gauges coloured by the cost of losing both.",
                 "svg",
             ),

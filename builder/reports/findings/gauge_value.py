@@ -36,9 +36,12 @@ from strainfmu.estimator.map.nonlinear_map import ManifoldMap
 from strainfmu.estimator.other_loads import FIVE_LOADS
 from strainfmu.estimator.policies import MIN_INFORMATION
 from strainfmu.estimator.reference.air import N_AIR, air_inputs
-from strainfmu.estimator.reference.gain import nominal, residual_precision
+from strainfmu.estimator.reference.gain import load_covariance, noise_precision, nominal, residual_precision
 from strainfmu.estimator.reference.linear import models
 from strainfmu.estimator.reference.nonlinear import NonlinearReference, Sample, coefficient_slopes
+
+PAIRED = 512
+"""Gauges at most whose losses in pairs are looked into: those whose own loss costs most."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -55,7 +58,7 @@ class GaugeValue:
     isolable_bias : (n_d,) minimum bias that is attributed to this gauge in 99 % of the cases [m/m].
     undetected_effect : (n_d, 5) error of each load from a bias of ``detectable_bias``, in its sigmas [1].
     groups : gauges, by index, whose faults cannot be distinguished.
-    pairs : (n, 2) all pairs of gauges.
+    pairs : (n, 2) pairs of gauges: all, or of many gauges the pairs of the :data:`PAIRED` whose loss costs most.
     pair_growth : (n, 5) as ``growth``, with both lost.
     """
 
@@ -76,25 +79,30 @@ class _Gains(NamedTuple):
     ----------
     gain : (5, n_d) G.
     precision : (n_d, n_d) P of the gamma that the estimate is made with.
-    error, change : E and Q.
+    weight : (n_d, n_d) Gamma^-1.
+    cross, square : (5, n_d) E Q' and (n_d, n_d) Q Q'.
     variance : (5,) of the loads.
     """
 
     gain: FloatArray
     precision: FloatArray
-    error: FloatArray
-    change: FloatArray
+    weight: FloatArray
+    cross: FloatArray
+    square: FloatArray
     variance: FloatArray
 
 
 def _gains(inverse_map: InverseMap) -> _Gains:
     for_gain, truth = models(inverse_map)
     gain, precision = nominal(for_gain)
-    gain = gain[FIVE_LOADS]
+    gain, weight = gain[FIVE_LOADS], noise_precision(inverse_map)
+    if for_gain is truth:  # the error of the best gain is independent of every residual: E Q' = 0, Q Q' = P
+        variance = np.diag(load_covariance(inverse_map))[FIVE_LOADS]
+        return _Gains(gain, precision, weight, np.zeros(gain.shape), precision, variance)
     root = np.linalg.cholesky(truth.noise)
     error = np.hstack([gain @ root, gain @ truth.columns - truth.output_columns[FIVE_LOADS]])
     change = precision @ np.hstack([root, truth.columns])
-    return _Gains(gain, precision, error, change, np.sum(error**2, axis=1))
+    return _Gains(gain, precision, weight, error @ change.T, change @ change.T, np.sum(error**2, axis=1))
 
 
 def gauge_value(inverse_map: InverseMap) -> GaugeValue:
@@ -102,12 +110,13 @@ def gauge_value(inverse_map: InverseMap) -> GaugeValue:
     if inverse_map.manifold is not None:
         return _of_nonlinear(inverse_map, inverse_map.manifold)
     gains, n = _gains(inverse_map), inverse_map.n_gauges
-    information = np.sum(inverse_root(inverse_map.noise_covariance) ** 2, axis=0)
+    information = np.diag(gains.weight)
     detection = _detection(residual_precision(inverse_map), information)
-    pairs = _pairs(n)
+    growth = _growth(inverse_map, gains, np.arange(n)[:, None])
+    pairs = _pairs(growth)
     return GaugeValue(
         leverage=np.clip(1.0 - np.diag(gains.precision) / information, 0.0, 1.0),
-        growth=_growth(inverse_map, gains, np.arange(n)[:, None]),
+        growth=growth,
         undetected_effect=np.abs(gains.gain.T) * detection["detectable_bias"][:, None] / np.sqrt(gains.variance),
         pairs=pairs,
         pair_growth=_growth(inverse_map, gains, pairs),
@@ -115,8 +124,10 @@ def gauge_value(inverse_map: InverseMap) -> GaugeValue:
     )
 
 
-def _pairs(n: int) -> IntArray:
-    return np.array(list(combinations(range(n), 2)), dtype=np.int64).reshape(-1, 2)
+def _pairs(growth: FloatArray) -> IntArray:
+    """Return (n, 2) the pairs of gauges whose loss is looked into; ``growth`` (n_d, 5) is of each alone."""
+    costly = np.argsort(-growth.max(axis=1), kind="stable")[:PAIRED]
+    return np.array(list(combinations(sorted(costly.tolist()), 2)), dtype=np.int64).reshape(-1, 2)
 
 
 class _Detection(TypedDict):
@@ -171,11 +182,11 @@ def isolable_bias(
     Bonferroni's bound on the events of Teunissen, Distributional theory for the DIA method (2018). Infinite where
     |rho| = 1 or nothing checks the gauge. ``precision`` (n,) holds P_ii.
     """
-    n = len(precision)
-    off_diagonal = correlation[~np.eye(n, dtype=bool)].reshape(n, n - 1)
-    apart = np.sqrt(np.maximum(1.0 - np.concatenate([off_diagonal, -off_diagonal], axis=1), 0.0) / 2.0)
 
-    def delta(row: FloatArray) -> float:
+    def delta(gauge: int) -> float:
+        rho = np.delete(correlation[gauge], gauge)
+        row = np.sqrt(np.maximum(1.0 - np.concatenate([rho, -rho]), 0.0) / 2.0)
+
         def excess(delta: float) -> float:
             return float(ndtr(threshold - delta) + ndtr(-delta * row).sum()) - miss_probability
 
@@ -188,7 +199,7 @@ def isolable_bias(
         return float(brentq(excess, 0.0, high))
 
     with np.errstate(divide="ignore"):
-        return np.asarray([delta(row) for row in apart] / np.sqrt(precision))
+        return np.asarray([delta(gauge) for gauge in range(len(precision))] / np.sqrt(precision))
 
 
 class _About(NamedTuple):
@@ -245,11 +256,12 @@ def _of_nonlinear(inverse_map: InverseMap, manifold: ManifoldMap) -> GaugeValue:
     with_all = variance(np.zeros((1, 0), dtype=np.int64))
     information = np.mean([state.information for state in states], axis=0)
     precision = np.mean([state.precision for state in states], axis=0)
-    detection, pairs = _detection(precision, information), _pairs(n)
+    detection, growth = _detection(precision, information), np.sqrt(variance(np.arange(n)[:, None]) / with_all)
+    pairs = _pairs(growth)
     moved = np.sqrt(np.mean([state.gain**2 for state in states], axis=0)).T * detection["detectable_bias"][:, None]
     return GaugeValue(
         leverage=np.clip(1.0 - np.diag(precision) / information, 0.0, 1.0),
-        growth=np.sqrt(variance(np.arange(n)[:, None]) / with_all),
+        growth=growth,
         undetected_effect=moved / np.sqrt(with_all),
         pairs=pairs,
         pair_growth=np.sqrt(variance(pairs) / with_all),
@@ -258,10 +270,7 @@ def _of_nonlinear(inverse_map: InverseMap, manifold: ManifoldMap) -> GaugeValue:
 
 
 def _growth(inverse_map: InverseMap, gains: _Gains, lost: IntArray) -> FloatArray:
-    gain, precision, error, change, variance = gains
-    whitening = inverse_root(inverse_map.noise_covariance)
-    weight = whitening.T @ whitening
-    cross, square = error @ change.T, change @ change.T
+    gain, precision, weight, cross, square, variance = gains
     block = lost[:, :, None], lost[:, None, :]
     fraction = np.linalg.eigvals(np.linalg.solve(weight[block], precision[block])).real.min(axis=1)
     identified = (fraction >= MIN_INFORMATION) | (inverse_map.case == 2)

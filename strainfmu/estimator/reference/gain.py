@@ -101,6 +101,17 @@ def residual_precision(inverse_map: InverseMap) -> FloatArray:
     return nominal(models(inverse_map)[1]).precision
 
 
+def noise_precision(inverse_map: InverseMap) -> FloatArray:
+    """Return (n_d, n_d) Gamma^-1 of all errors of the strain [1/(m/m)^2]."""
+    if not inverse_map.is_low_rank:
+        root = inverse_root(inverse_map.noise_covariance)
+        return np.asarray(root.T @ root)
+    columns = np.hstack([np.diag(inverse_map.own_error_strain), inverse_map.error_strain])
+    parts = {"noise": inverse_map.gauge_covariance, "columns": columns}
+    model = model_of(len(columns), 0, **parts, output_columns=np.zeros((0, columns.shape[1])))
+    return nominal(model).precision
+
+
 def state_model(
     state_operator: FloatArray,
     noise_covariance: FloatArray,
