@@ -35,6 +35,9 @@ if TYPE_CHECKING:
 COUNTS = (56, 128, 256, 512, 1024, 2048, 4096)
 """Gauges of the table, at most."""
 
+MOST_NONLINEAR = 1024
+"""Gauges up to which maps have tables of the flight state; beyond, the linear estimator alone is measured."""
+
 MERIDIANS = 8
 REPEATS = 5
 """Measurements that a median is taken of."""
@@ -50,9 +53,9 @@ class GaugeRow:
     Attributes
     ----------
     gauges : their number n.
-    build : structure and map of both estimators from given flows, with the theoretical alarm levels.
+    build : structure and map of the estimators from given flows, with the theoretical alarm levels.
     load : making an :class:`~strainfmu.Estimator`.
-    linear, nonlinear : a step of either estimator.
+    linear, nonlinear : a step of either estimator; of the nonlinear one not a number where it is not measured.
     one_lost, third_lost : the first step of the linear estimator without one gauge, without a third of them.
     reading : of n x n numbers, once.
     file : map.h5 [MB].
@@ -128,7 +131,8 @@ def with_gauges(path: Path, count: int) -> Vehicle:
     meridian: dict[str, Any] = {"directions": ["axial"], "count": count // MERIDIANS}
     meridian |= {"first_x_m": min(stations), "last_x_m": max(stations)}
     rows = [{"roll_angle_deg": 360.0 * k / MERIDIANS, **meridian} for k in range(MERIDIANS)]
-    changes = {"map.estimator": "nonlinear", "map.alarm_levels": "nominal"}
+    estimator = "nonlinear" if count <= MOST_NONLINEAR else "linear"
+    changes = {"map.estimator": estimator, "map.alarm_levels": "nominal"}
     return load_vehicle(path, {f"gauges.layouts.{own.layout}.rows": rows, **changes})
 
 
@@ -165,7 +169,7 @@ def gauge_row(vehicle: Vehicle, snapshots: Snapshots) -> GaugeRow:
         build=build,
         load=median(cost(lambda: Estimator(linear_map), 1) for _ in range(REPEATS)),
         linear=step(linear_map),
-        nonlinear=step(inverse_map),
+        nonlinear=step(inverse_map) if inverse_map.manifold is not None else float("nan"),
         one_lost=first_step(1),
         third_lost=first_step(n // 3),
         reading=median(cost(square.sum, STEPS) for _ in range(REPEATS)),
@@ -182,12 +186,15 @@ def cost(call: Callable[[], object], times: int) -> float:
 
 
 def slopes(rows: Sequence[GaugeRow]) -> dict[str, float]:
-    """Return the exponent p of each cost n^p, by least squares over all rows; of one row none."""
-    if len(rows) < 2:
-        return {}
-    numbers = np.log([astuple(row) for row in rows])
-    names = [field.name for field in fields(GaugeRow)]
-    return {name: float(np.polyfit(numbers[:, 0], y, 1)[0]) for name, y in zip(names, numbers.T, strict=True)}
+    """Return the exponent p of each cost n^p, by least squares over the rows that have it; of one row none."""
+    exponents, names = dict[str, float](), [field.name for field in fields(GaugeRow)]
+    for name, cost_of_rows in zip(names, np.array([astuple(row) for row in rows]).T, strict=True):
+        measured = [
+            (row.gauges, value) for row, value in zip(rows, cost_of_rows, strict=True) if np.isfinite(value)
+        ]
+        if len(measured) > 1:
+            exponents[name] = float(np.polyfit(*np.log(measured).T, 1)[0])
+    return exponents
 
 
 def growth_csv(rows: Sequence[GaugeRow]) -> str:
@@ -195,7 +202,7 @@ def growth_csv(rows: Sequence[GaugeRow]) -> str:
     text = StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow([f"{field.name} [{UNITS.get(field.name, 's')}]" for field in fields(GaugeRow)])
-    writer.writerows([f"{value:.3g}" for value in astuple(row)] for row in rows)
+    writer.writerows([f"{value:.4g}" for value in astuple(row)] for row in rows)
     return text.getvalue()
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -43,6 +44,13 @@ def test_the_exponents_are_those_of_the_costs() -> None:
     exponents = slopes(rows_of_powers(powers))
     np.testing.assert_allclose([exponents[name] for name in NAMES], powers, rtol=1e-9)
     assert slopes(rows_of_powers(powers)[:1]) == {}
+
+
+def test_what_is_not_measured_of_many_gauges_has_the_exponent_of_the_others() -> None:
+    rows = rows_of_powers((1.0, 2.0, 1.5, 2.0, 1.0, 3.0, 2.0, 0.5))
+    rows.append(replace(rows[-1], gauges=2048, nonlinear=float("nan")))
+    assert slopes(rows)["nonlinear"] == pytest.approx(2.0, rel=1e-9)
+    assert with_gauges(IC3X, 2048).map.estimator == "linear"
 
 
 def test_the_table_is_read_back_and_the_figure_names_the_exponents() -> None:
