@@ -187,13 +187,12 @@ def cost(call: Callable[[], object], times: int) -> float:
 
 def slopes(rows: Sequence[GaugeRow]) -> dict[str, float]:
     """Return the exponent p of each cost n^p, by least squares over the rows that have it; of one row none."""
-    exponents, names = dict[str, float](), [field.name for field in fields(GaugeRow)]
-    for name, cost_of_rows in zip(names, np.array([astuple(row) for row in rows]).T, strict=True):
-        measured = [
-            (row.gauges, value) for row, value in zip(rows, cost_of_rows, strict=True) if np.isfinite(value)
-        ]
-        if len(measured) > 1:
-            exponents[name] = float(np.polyfit(*np.log(measured).T, 1)[0])
+    exponents, gauges = dict[str, float](), np.array([float(row.gauges) for row in rows])
+    for field in fields(GaugeRow):
+        values = np.array([float(getattr(row, field.name)) for row in rows])
+        measured = np.isfinite(values)
+        if measured.sum() > 1:
+            exponents[field.name] = float(np.polyfit(np.log(gauges[measured]), np.log(values[measured]), 1)[0])
     return exponents
 
 
