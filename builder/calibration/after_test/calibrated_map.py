@@ -88,9 +88,8 @@ def calibrated_map(
     snapshots : surface pressure at the flight conditions.
     structure : with what may differ from the drawing.
     remaining : what the test says.
-    others : operators (n_d, n_p) of other layouts that the section [noise] names.
-    left : what the test left, by :func:`~builder.calibration.after_test.left_by_test.left_by_test`; found here by
-        default.
+    other_layouts : operators (n_d, n_p) of other layouts that the section [noise] names.
+    remainder : what the test left; found here by default.
 
     Raises
     ------

@@ -600,7 +600,7 @@ class ReadingsModel:
         """Return (5, n_d) change of the readings by place, roll, shape and both tilts of a load about an ``error``
         (5,) of these, zeros for what it does not have; and (n_d,) what that leaves of their change by the error.
 
-        A tilt adds to the force here; that its size stays is :attr:`StatedErrors.along`.
+        A tilt adds to the force here, which is linear; that its size stays is :attr:`StatedErrors.along`.
         """
         placed, tilts = isinstance(load, PLACED), isinstance(load, DIRECTED) and any(load.force)
         has = np.array([placed, placed, placed and not isinstance(load, PointForce), tilts, tilts])
@@ -617,7 +617,8 @@ class ReadingsModel:
 
         rows, steps = np.flatnonzero(has), np.diag(list(PAD_STEPS.values()))
         centre = np.clip(error, least, most)
-        ends = [centre + sign * steps[row] for row in rows for sign in (1.0, -1.0)]
+        parts = [(1.0, -1.0)] * 3 + [(0.0, -outward) for outward in np.copysign(1.0, centre[-2:]).tolist()]
+        ends = [centre + part * steps[row] for row in rows for part in parts[row]]
         strain, (moved_strain, stated) = np.split(strain_of([*map(at, ends), at(centre), load]), [2 * len(rows)])
         length = np.array([np.clip(end, least, most)[row] for row, end in zip(rows.repeat(2), ends, strict=True)])
         slopes[rows] = (strain[::2] - strain[1::2]) / (length[::2] - length[1::2])[:, None]

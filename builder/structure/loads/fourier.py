@@ -140,13 +140,14 @@ class FourierStructure:
         meridian = self._meridian(surface)
         n_roll = len(self._roll)
         if chosen is None:
-            loaded, rings = np.arange(len(meridian.x)), force.reshape(-1, n_roll, 3)
-        else:  # a pad loads few rings
+            loaded, roll, rings = np.arange(len(meridian.x)), self._roll, force.reshape(-1, n_roll, 3)
+        else:  # a pad loads few rings, at few roll angles
             loaded, ring = np.unique(chosen // n_roll, return_inverse=True)
-            rings = np.zeros((len(loaded), n_roll, 3))
-            rings[ring, chosen % n_roll] = force
-        local = _cylindrical(rings, self._roll)
-        m_phi = np.arange(self.max_harmonic + 1)[:, None] * self._roll
+            turned, place = np.unique(chosen % n_roll, return_inverse=True)
+            roll, rings = self._roll[turned], np.zeros((len(loaded), len(turned), 3))
+            rings[ring, place] = force
+        local = _cylindrical(rings, roll)
+        m_phi = np.arange(self.max_harmonic + 1)[:, None] * roll
         cosine, sine = np.cos(m_phi), np.sin(m_phi)
         along, around = local[..., :2], local[..., 2]
         family = np.empty((2, len(m_phi), len(local), 3))
