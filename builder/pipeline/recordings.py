@@ -253,10 +253,8 @@ def _added(recordings: Sequence[Divided]) -> EstimationSummary:
         summary, of_recorder = recording.summary, list[str]()
         for task in recording.tasks:
             of_part = _summary(json.loads(task.counts.read_text(encoding="utf-8")))
-            recording.checks.counts.take(of_part.faults)
-            of_part.faults = FaultCounts()  # the summary has the counts of the checks
             of_recorder, of_part.notes = of_recorder or of_part.notes, []
-            summary.take(of_part)
+            summary.take(of_part)  # and so the checks, whose counts it has
         summary.notes += [*summary.gaps.notes(), *recording.checks.notes(), *of_recorder]
         total.take(summary)
         total.unused = tuple(dict.fromkeys((*total.unused, *summary.unused)))
