@@ -19,12 +19,11 @@ from builder.inverse.noise.model import NoiseModel
 from builder.inverse.solution import Problem, Solution
 from builder.reports.findings.prior_observability import class_fractions, mirror_operators
 from builder.vehicle.shape.geometry import SurfaceGrid
-from strainfmu.arrays import FloatArray
+from strainfmu.arrays import FloatArray, inverse_root
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.other_loads import FIVE_LOADS
 from strainfmu.estimator.reference.gain import load_covariance, load_gain, nominal, state_model
-from strainfmu.estimator.reference.update import model_of
 from strainfmu.linear.regularisation import RULES, LCurve, expected_data, l_curve, select_gamma
 from strainfmu.linear.state_map import GaussianMap, StateMap, gaussian_map
 
@@ -79,11 +78,10 @@ def load_error_factors(
     gain : (n_f, n_d) G [N, N m].
     """
     of_states = load_per_state
-    if strain_load_covariance is not None:
+    if strain_load_covariance is not None and solved.unresolved.size:
         # G A - M = (M - X' Gamma^-1 A) (T A - I), whose last factor is known without cancellation.
-        gauges, loads = strain_load_covariance.shape
-        without_states = model_of(gauges, loads, noise=solved.noise_covariance, cross=strain_load_covariance)
-        of_residual = nominal(without_states).gain
+        whitening = inverse_root(solved.noise_covariance)
+        of_residual = (whitening @ strain_load_covariance).T @ whitening
         of_states = load_per_state - of_residual @ solved.state_operator
     of_noise = [term.by_gain(gain) - (0.0 if term.load is None else term.load) for term in noise.terms]
     return of_states @ solved.unresolved, of_noise
