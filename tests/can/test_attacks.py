@@ -119,6 +119,18 @@ FROZEN = (
         *("classic-le", 9_720_100, "whose clock is set ahead by less than a cycle: it is no older than by ours"),
         [Act("small step ahead", 76, 128, 0.621), Act("freeze", 75, 130, 0.325)],
     ),
+    (
+        *("fd64-sec", 9_930_361, "whose frames were held and come at once: for us hardly any time has passed"),
+        [Act("step under delay", 64, 74, 0.92), Act("freeze", 72, 90, 0.7)],
+    ),
+    (
+        *("fd64", 9_930_361, "whose frames are delayed from now on: they are no older than by its clock"),
+        [Act("delay", 72, 90, 0.18), Act("freeze", 72, 90, 0.7)],
+    ),
+    (
+        *("fd64", 42, "whose clock was set with the first repetition, and whose frames come at once"),
+        [Act("freeze", 95, 142, 0.11), Act("step under delay", 95, 154, 0.518), Act("delay", 83, 100, 0.519)],
+    ),
 )
 
 

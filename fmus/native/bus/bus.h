@@ -249,6 +249,7 @@ typedef struct {
     double unseen;                                /* time of the sender's clock that no cycle in a row shows, in all [s] */
     double usual_off;                             /* by how much its steps are off by its counter, about [s] */
     int64_t changed_ticks;
+    double changed_oldest;                        /* before which the strains that changed last were not sampled [s] */
     int32_t all_frozen, all_repeat;               /* all_repeat: so often that noise hardly allows it */
 } SbState;
 

@@ -222,6 +222,12 @@ static uint32_t add_repeats(const SbPlan *p, SbState *s, double repeated, double
     if (hidden > 0.0) {
         r->uncertainty = (r->uncertainty == r->uncertainty ? r->uncertainty : 0.0) + hidden;
     }
+    const double oldest = r->time - s->changed_oldest; /* by the bound of their first occurrence; NaN for none */
+    if (has_changed) {
+        s->changed_oldest = r->time - r->age - r->uncertainty;
+    } else if (repeated + doubted > 0.0 && oldest > r->age + r->uncertainty) {
+        r->uncertainty = oldest - r->age;
+    }
     if (repeated > 0.0 && r->age > p->max_age) {
         causes |= SB_OLD | SB_FROZEN;
     } else if (r->age + r->uncertainty > p->max_age) {

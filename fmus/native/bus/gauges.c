@@ -181,15 +181,14 @@ static int are_dead(const SbPlan *p, const SbState *s, double now) {
     return stated_pressure(p, s, now) > 0.0 && (largest > p->zero_jump || changes == 0.0);
 }
 
-/* The time since the last change [s], at least and at most: by our clock and by the sample times, where they agree to a cycle.
-   Frames may have been held back meanwhile, or the sender's clock set. */
+/* The time since the last change [s], at least and at most: by our clock and by the sample times. Frames may have been held
+   back meanwhile, or the sender's clock set. */
 static void unchanged_for(const SbPlan *p, const SbState *s, int64_t ticks, double *least, double *most) {
     const double since = s->first - s->changed_at;
     const int is_dated = ticks >= 0 && s->changed_ticks >= 0;
     const double by_clock = is_dated ? p->tick * (double)ticks_ahead(ticks, s->changed_ticks, p->bits) : since;
-    const double other = fabs(by_clock - since) < p->cycle ? by_clock : since;
-    *least = smaller(since, other);
-    *most = larger(since, other);
+    *least = larger(smaller(since, by_clock), 0.0);
+    *most = larger(since, by_clock);
 }
 
 /* What a cycle's readings show together. */
