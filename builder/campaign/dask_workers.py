@@ -1,31 +1,40 @@
 """Work done by Dask workers: processes on this machine, or the workers of a scheduler elsewhere.
 
-Task of a campaign's worker; it needs this package installed, and no file of the user's.
+A worker needs this package installed, and no file of the user's.
 """
 
 from __future__ import annotations
 
 import logging
+import signal
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import CancelledError
 from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass
 from functools import partial
 from queue import Empty, SimpleQueue
+from time import perf_counter
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from builder.aero.engine import Engine, FlowKey
+from builder.aero.engine import Engine, Flow, FlowKey
 from builder.reporting import Note
-from strainfmu.errors import InputError, StrainfmuError
+from strainfmu.errors import FlowReachError, InputError, StrainfmuError
+from strainfmu.files import fingerprint
 
 if TYPE_CHECKING:
     from distributed import Client
-import signal
-from dataclasses import dataclass
-from time import perf_counter
 
-from builder.aero.engine import Flow
-from strainfmu.errors import FlowReachError
-from strainfmu.files import fingerprint
+Argument = TypeVar("Argument")
+Result = TypeVar("Result")
+
+CONNECT_TIMEOUT = 10.0
+"""Time to reach a scheduler [s]."""
+WORKER_TIMEOUT = 60.0
+"""Time that a scheduler may be without any worker [s]."""
+LOOK_INTERVAL = 2.0
+"""Time between looks at the scheduler while no flow comes [s]."""
+MEMORY_LIMIT = "1.8 GiB"
+"""Of one local worker."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,19 +85,6 @@ def dask_setup(worker: Any) -> None:
     Ctrl-C in a terminal reaches every process there. The campaign answers it and ends its workers itself.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-
-
-Argument = TypeVar("Argument")
-Result = TypeVar("Result")
-
-CONNECT_TIMEOUT = 10.0
-"""Time to reach a scheduler [s]."""
-WORKER_TIMEOUT = 60.0
-"""Time that a scheduler may be without any worker [s]."""
-LOOK_INTERVAL = 2.0
-"""Time between looks at the scheduler while no flow comes [s]."""
-MEMORY_LIMIT = "1.8 GiB"
-"""Of one local worker."""
 
 
 def solve_on_dask(

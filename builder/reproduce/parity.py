@@ -1,8 +1,7 @@
 """The comparison: every published number next to ours in three set-ups, with the reason for a difference.
 
-The criteria of the reproduction, and whether each holds.
-
-Reasons for the differences from published numbers, each a sentence with its measurement.
+From top to bottom: the reasons, each a sentence with its measurement; our numbers; the criteria of the
+reproduction, and whether each holds.
 """
 
 from __future__ import annotations

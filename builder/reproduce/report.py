@@ -1,8 +1,7 @@
 """The report of the reproduction: a page of HTML, its tables as CSV, all numbers as JSON, figures as PNG.
 
-The figures of the report: which are drawn, of which numbers, in the order of the source.
-
-The tables of the report: raw numbers with units.
+From top to bottom: the tables, of raw numbers with units; which figures are drawn of which numbers, in the order
+of the source; the page and its files.
 """
 
 from __future__ import annotations
@@ -10,8 +9,9 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from functools import partial
+from operator import attrgetter
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -19,8 +19,17 @@ from builder.figures import source_figures as figures
 from builder.figures.drawing import save
 from builder.figures.source_figures import SIDES
 from builder.reports.page.html import Block, Items, Page, Paragraph, Picture, Section, write_page
-from builder.reports.page.page_tables import Table, by_name, tables_json, write_csv
-from builder.reproduce.parity import parity_rows, verdicts
+from builder.reports.page.page_tables import (
+    Column,
+    Table,
+    by_name,
+    make_table,
+    records_table,
+    tables_json,
+    write_csv,
+)
+from builder.reproduce.case_2 import COEFFICIENTS, load_readings
+from builder.reproduce.parity import ParityRow, Verdict, parity_rows, verdicts
 from builder.reproduce.protocol import DRAWN_MODES, EXAMPLES, PUBLISHED_GAMMA, Sizes
 from builder.reproduce.published import PUBLISHED
 from builder.reproduce.setups import INDEPENDENT, PAPER_LIKE, SAME_MESH, TITLES
@@ -30,12 +39,6 @@ from strainfmu.files import write_bytes_atomically
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-from operator import attrgetter
-from typing import Any, NamedTuple
-
-from builder.reports.page.page_tables import Column, make_table, records_table
-from builder.reproduce.case_2 import COEFFICIENTS, load_readings
-from builder.reproduce.parity import ParityRow, Verdict
 
 Columns = tuple[tuple[str | Callable[[Any], Any], Column], ...]
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from builder.calibration.ground_test.ground_test_readings import channel_faults, window_variances
+from builder.calibration.ground_test.channel_faults import channel_faults
+from builder.calibration.ground_test.ground_test_readings import window_variances
 from strainfmu.arrays import FloatArray
 
 pytestmark = pytest.mark.fast

@@ -12,7 +12,7 @@ A load cell that reads R applies R (1 + gain) + offset + X (q 4 u (1 - u) + c 6 
 u = R / X, X its full scale. The curve vanishes at both ends, q and c are its largest values over X. Steps of
 the loads show it: :mod:`builder.calibration.estimate.load_steps`.
 
-One cause of readings that do not fit.
+Where readings do not fit, a :class:`Cause` sets entries of the vector free, or adds scatter.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Design of a ground test: load cases for a vehicle, each with what it buys in flight, and how they are run: steps
 of loading and unloading, zero readings between, and the time that it takes.
 
-Standard deviations of the vehicle's parameters before and after a test, kind by kind, and in words.
+A case buys smaller standard deviations of the vehicle's parameters, which are given kind by kind and in words.
 """
 
 from __future__ import annotations

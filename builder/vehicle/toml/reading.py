@@ -1,6 +1,6 @@
 """A TOML file of sections: read, checked by pydantic, every fault in one line of its own.
 
-The vehicle file in the line of what is refused of it: checks of its parts know entries, not files.
+Checks of a vehicle's parts know entries, not files: :func:`naming` adds the file to the line of what they refuse.
 """
 
 from __future__ import annotations
