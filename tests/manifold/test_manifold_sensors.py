@@ -30,7 +30,7 @@ from strainfmu.estimator.map.flight_tables import evaluate
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map, save_inverse_map
 from strainfmu.fmu.export import ExportOptions, export_estimator
 from strainfmu.interface.sensor_variables import reading_names
-from tests.inverse.sensors.test_sensors import CELLS, FIBRE, IMU, POINTS, PORTS
+from tests.inverse.test_sensors import CELLS, FIBRE, IMU, POINTS, PORTS
 
 EVERY_KIND = Sensors(
     ports=PORTS,

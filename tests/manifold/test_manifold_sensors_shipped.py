@@ -9,8 +9,8 @@ from builder.structure.fourier.fourier_model import structural_model
 from builder.vehicle.file import IC3X, load_vehicle
 from builder.vehicle.flight_conditions import ConditionSet, condition_grid
 from builder.vehicle.gauges.sensor_entries import Sensors
-from tests.inverse.sensors.test_sensors import CELLS, IMU, PORTS
-from tests.inverse.sensors.test_sensors_shipped import NUISANCES, RANGE, flown
+from tests.inverse.test_sensors import CELLS, IMU, PORTS
+from tests.inverse.test_sensors_shipped import NUISANCES, RANGE, flown
 from tests.manifold.test_manifold_sensors import built, estimated, flights, with_sensors
 
 pytestmark = pytest.mark.slow

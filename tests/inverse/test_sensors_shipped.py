@@ -13,7 +13,7 @@ from builder.structure.fourier.fourier_model import structural_model
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
 from builder.vehicle.flight_conditions import ConditionSet, condition_grid
 from builder.vehicle.gauges.sensor_entries import Sensors
-from tests.inverse.sensors.test_sensors import CELLS, IMU, PORTS, scored, with_sensors
+from tests.inverse.test_sensors import CELLS, IMU, PORTS, scored, with_sensors
 
 pytestmark = pytest.mark.slow
 
