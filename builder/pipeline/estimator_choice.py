@@ -29,6 +29,7 @@ from strainfmu.arrays import BoolArray, IntArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE, MACH_NUMBER, STATIC_PRESSURE
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, PER_PRESSURE, InverseMap
+from strainfmu.estimator.map.validity import TOTAL_INCIDENCE
 from strainfmu.estimator.other_loads import FIVE_LOADS
 from strainfmu.flight_condition import FlightCondition
 
@@ -42,8 +43,6 @@ FACTS = "estimator_choice"
 """Name of the choice in the provenance of a map."""
 
 SEED = 35
-
-TOTAL_INCIDENCE = "total_incidence"
 
 Chosen = Literal["linear", "nonlinear"]
 

@@ -21,7 +21,7 @@ import numpy as np
 from builder.campaign.snapshots import Snapshots, snapshots_on
 from builder.inverse.problem import AnyStructure
 from builder.manifold.flow_amplitudes import cosine_amplitudes
-from builder.pipeline.estimator_choice import SAME_VALUE, TOTAL_INCIDENCE, LeftOut, at_each_value
+from builder.pipeline.estimator_choice import SAME_VALUE, LeftOut, at_each_value
 from builder.pipeline.stages import map_from
 from builder.reporting import Reporter, Silent
 from builder.structure.structure_file import Structure
@@ -41,6 +41,7 @@ from strainfmu.estimator.air_inputs import ALTITUDE, DYNAMIC_PRESSURE, MACH_NUMB
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
+from strainfmu.estimator.map.validity import TOTAL_INCIDENCE
 from strainfmu.flight_condition import FlightCondition
 from strainfmu.interface.sensor_variables import reading_names
 
