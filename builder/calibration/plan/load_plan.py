@@ -94,8 +94,8 @@ def kind_sigmas(
     for kind, place in slices(counts).items():
         chosen = used if used is not None and used.any() and KINDS[kind].extent == "gauge" else slice(None)
         if before[place][chosen].any():
-            prior, left = (float(np.sqrt(np.mean(stds[place][chosen] ** 2))) for stds in (before, after))
-            kinds.append(KindSigmas(kind=kind, before=prior, after=left))
+            rms = [float(np.sqrt(np.mean(stds[place][chosen] ** 2))) for stds in (before, after)]
+            kinds.append(KindSigmas(kind=kind, before=rms[0], after=rms[1]))
     return kinds
 
 

@@ -187,7 +187,7 @@ def test_commands(snapshots: Snapshots, other_grid: SurfaceGrid, tmp_path: Path,
     assert len(open_edges(read_surface(tmp_path / "body.stl"))) == 0
     code, _, errors = run("surface", IC3X, "-o", tmp_path / "body.step")
     assert code == 2
-    assert "'.step' found" in errors
+    assert "got '.step'" in errors
     save_snapshots(snapshots, tmp_path / "snapshots.h5")
     assert run("convert", tmp_path / "snapshots.h5", "-o", tmp_path / "out")[0] == 0
     names = {"case_0001.vtu", "case_0002.vtu", "snapshots.pvd", "manifest.toml"}

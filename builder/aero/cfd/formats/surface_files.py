@@ -103,7 +103,7 @@ def _obj_index(word: str, count: int) -> int:
 
 SURFACE_FORMATS = (".stl", ".tri", ".vtp", ".vtu")
 _SAME_PLACE = 1e-9
-"""Nodes closer than this fraction of the surface's extent are one."""
+"""Nodes closer than this fraction of the surface's extent are merged."""
 _FLAT = 1e-4
 """An opening may leave its mean plane by this fraction of the surface's extent to be closed."""
 
@@ -111,7 +111,7 @@ _FLAT = 1e-4
 def write_surface(path: Path, mesh: SurfaceMesh, closed: bool = False) -> None:
     """Write a surface in body axes and metres as .stl (binary), .tri (Cart3D), .vtp or .vtu, atomically.
 
-    Nodes at one place are written as one. ``closed`` covers each opening by a flat cap, component 2 in a .tri.
+    Nodes at the same place are merged. ``closed`` covers each opening by a flat cap, component 2 in a .tri.
 
     Raises
     ------
@@ -122,7 +122,7 @@ def write_surface(path: Path, mesh: SurfaceMesh, closed: bool = False) -> None:
     """
     suffix = path.suffix.lower()
     if suffix not in SURFACE_FORMATS:
-        raise InputError(f"{path}: '{path.suffix}' found, a surface is written as {', '.join(SURFACE_FORMATS)}")
+        raise InputError(f"{path}: expected a surface as {', '.join(SURFACE_FORMATS)}, got '{path.suffix}'")
     body = merge_nodes(mesh, _SAME_PLACE * _extent(mesh))
     surface = close_openings(body) if closed else body
     component = np.repeat([1, 2], [len(body.triangle), len(surface.triangle) - len(body.triangle)]).astype(
