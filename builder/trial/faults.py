@@ -283,7 +283,6 @@ class AddedStrain:
 
     def __init__(self, vehicle: Vehicle) -> None:
         self.vehicle = vehicle
-        self._heated: dict[Heating, AtEnd] = {}
 
     def inertia(
         self, inertia: Inertia, force: FloatArray, leeward: FloatArray, random: np.random.Generator
@@ -302,16 +301,6 @@ class AddedStrain:
         force = coefficient * self.vehicle.reference_quantities().area * dynamic_pressure
         area = mesh_of_grid(truth_surface(self.vehicle)).node_area.sum()
         return np.outer(force / area, self._by_friction)
-
-    def heat(
-        self, heating: Heating, strain: FloatArray, vehicles: int, random: np.random.Generator
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return readings of a wall that warms and what its sensors measure, as
-        :func:`~builder.trial.faults.heated`, of ``vehicles``, one or as many as samples."""
-        if heating not in self._heated:
-            self._heated[heating] = heating.at_end(self.vehicle)
-        scatter = random.standard_normal((vehicles, strain.shape[1]))
-        return heated(temperature_of(self.vehicle), self._heated[heating], strain, scatter, random)
 
     @cached_property
     def _by_inertia(self) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -23,7 +23,7 @@ from builder.structure.as_built_kinds import KINDS
 from builder.trial.bound import cramer_rao_bound
 from builder.trial.cases import Air, Built, Case
 from builder.trial.conditions import flight_states, flown_conditions, quantities
-from builder.trial.faults import MICRO, AddedStrain, Gauges
+from builder.trial.faults import MICRO, AddedStrain, Gauges, heated, temperature_of
 from builder.trial.flows import Flow
 from builder.truth.flights import Flights, drawn_vehicle
 from builder.truth.flow_table import FlowTable, flow_states, harmonics_at, knot_weights
@@ -329,7 +329,12 @@ def read_case(
     if case.friction:
         strain[:, :n_d] += world.added.friction(case.friction, dynamic)
     if case.heating is not None:
-        strain[:, :n_d], warm = world.added.heat(case.heating, strain[:, :n_d], vehicles or 1, random)
+        entry, end = (
+            temperature_of(world.vehicle),
+            world.once(case.heating, partial(case.heating.at_end, world.vehicle)),
+        )
+        scatter = random.standard_normal((vehicles or 1, n_d))
+        strain[:, :n_d], warm = heated(entry, end, strain[:, :n_d], scatter, random)
         if world.inverse_map.has_temperature:
             known[TEMPERATURE] = warm if case.air.temperature else np.full_like(warm, np.nan)
     time, quiet, shape = None, strain, strain.shape

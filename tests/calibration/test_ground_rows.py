@@ -24,6 +24,7 @@ from builder.calibration.score.simulated_test import standard_load_cases
 from builder.campaign.snapshots import Snapshots, save_snapshots
 from builder.structure.as_built.as_built_vehicle import Counts, exactly_built
 from builder.trial.cases import Built, Case, GroundTest, GroundTests, Plan
+from builder.trial.conditions import quantities
 from builder.trial.readings import Readings
 from builder.trial.score import MISSED, Row, judged, rms_ratios
 from builder.truth.flow_table import FlowTable, save_flow_table
@@ -114,10 +115,7 @@ def test_flights_are_of_the_pressure_above_that_of_the_air(vehicle: Vehicle, rat
     mach = np.linspace(4.0, 8.0, 4)
     table = FlowTable(vehicle="even", mach_knots=mach, incidence_knots=knots, harmonic=harmonic, provenance={})
     pressure, found = flights_of(vehicle, table, grid, 5)
-    ambient, dynamic = (
-        np.array([getattr(one, name) for one in found.conditions])
-        for name in ("ambient_pressure", "dynamic_pressure")
-    )
+    ambient, dynamic = (quantities(found.conditions, name) for name in ("ambient_pressure", "dynamic_pressure"))
     np.testing.assert_allclose(pressure, np.tile((ratio - 1.0) * ambient[:, None], 40 * 24), atol=1e-9)
     base = np.pi * body.radius(np.array([body.length]))[0] ** 2
     expected = (ratio - 1.0) * ambient * base / (dynamic * vehicle.reference_quantities().area)

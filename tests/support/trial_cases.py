@@ -1,4 +1,4 @@
-"""Cases of shipped trials by name, worlds with other parts, health of a row."""
+"""Cases of shipped trials by name, vehicles with other entries, worlds with other parts, health of a row."""
 
 from __future__ import annotations
 
@@ -13,6 +13,11 @@ from builder.vehicle.file import Vehicle
 def other_world(world: World, **changes: object) -> World:
     """Return a world with other parts, and nothing made yet."""
     return replace(world, **changes, _made={})  # type: ignore[arg-type]  # changes are of any field
+
+
+def with_entries(vehicle: Vehicle, section: str, **entries: object) -> Vehicle:
+    """Return a vehicle with other values in a section."""
+    return vehicle.model_copy(update={section: getattr(vehicle, section).model_copy(update=entries)})
 
 
 def case_of(vehicle: Vehicle, error: str, size: str = "", trial: str = "stress") -> Case:

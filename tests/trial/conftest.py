@@ -10,7 +10,7 @@ from deflected_shape import DEFLECTIONS, NAME, deflected, known_map
 from shape_case import flown as flown_shape
 from shape_case import shape_map, shape_vehicle
 from shape_truth import beam
-from trial_cases import other_world
+from trial_cases import other_world, with_entries
 
 from builder.campaign.scheduling import Scheduling
 from builder.campaign.snapshots import Snapshots
@@ -103,9 +103,8 @@ def deflected_world() -> World:
     """The same with a flow parameter, whose value is known."""
     vehicle = shape_vehicle()
     parameters = {NAME: FlowParameter(values=list(DEFLECTIONS))}
-    entry = vehicle.conditions.model_copy(update={"parameters": parameters})
-    table = vehicle.aerodynamics.model_copy(update={"engine": "table", "manifest": "f.toml"})
-    vehicle = vehicle.model_copy(update={"conditions": entry, "aerodynamics": table})
+    vehicle = with_entries(vehicle, "conditions", parameters=parameters)
+    vehicle = with_entries(vehicle, "aerodynamics", engine="table", manifest="f.toml")
     drawn = conditions.flown_conditions(conditions.Where(), vehicle, None, 20, np.random.default_rng(1))
     at_rest = flown_shape([replace(one, parameters=()) for one in drawn])
     flows = deflected(at_rest, np.array([one.parameters[0] for one in drawn]))

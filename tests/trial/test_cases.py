@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from trial_cases import with_entries
 
 from builder.structure.as_built_kinds import ALWAYS_DRAWN, IN_NOISE
 from builder.trial.cases import FILES, Case, cases_for, load_trial
@@ -16,11 +17,6 @@ from strainfmu.errors import FaultsError, InputError
 pytestmark = pytest.mark.fast
 
 STRESS, SHIPPED = load_trial("stress"), load_vehicle(IC3X)
-
-
-def changed(entry: str, **values: object) -> Vehicle:
-    """Return the shipped vehicle with a map of the nonlinear estimator, and other values in a section."""
-    return SHIPPED.model_copy(update={entry: getattr(SHIPPED, entry).model_copy(update=values)})
 
 
 def of(vehicle: Vehicle, error: str) -> list[Case]:
@@ -64,13 +60,13 @@ def test_every_stated_error_is_tried_alone_and_no_other() -> None:
 
 def test_classes_and_sizes_follow_from_the_file() -> None:
     for stated, group in ((1.0, "alone"), (0.9, "beyond"), (0.0, "beyond")):
-        (case,) = of(changed("noise", wall_thickness_percent=stated), "wall thickness")[-1:]
+        (case,) = of(with_entries(SHIPPED, "noise", wall_thickness_percent=stated), "wall thickness")[-1:]
         assert (case.size, case.group) == ("+2 %", group)
     for stated, group in ((1.0, "beyond"), (5.0, "alone")):
-        case = of(changed("noise", dynamic_pressure_percent=stated), "dynamic pressure")[-1]
+        case = of(with_entries(SHIPPED, "noise", dynamic_pressure_percent=stated), "dynamic pressure")[-1]
         assert (case.size, case.group) == ("+10 %", group)
-    listed = changed("map", estimator="linear", symmetry="listed")
-    absolute = changed("map", estimator="linear", form="absolute")
+    listed = with_entries(SHIPPED, "map", estimator="linear", symmetry="listed")
+    absolute = with_entries(SHIPPED, "map", estimator="linear", form="absolute")
     assert of(SHIPPED, "angles mirrored")[0].group == "alone"
     assert of(listed, "angles mirrored")[0].group == "beyond"
     assert {case.group for case in of(SHIPPED, "altitude")} == {"alone"}
@@ -82,7 +78,7 @@ def test_the_class_of_inertia_follows_from_the_file() -> None:
     def groups(vehicle: Vehicle) -> list[str]:
         return [case.group for case in cases_for(vehicle, STRESS) if case.inertia is not None]
 
-    assert groups(changed("map", estimator="linear")) == 3 * ["unobservable"]
+    assert groups(with_entries(SHIPPED, "map", estimator="linear")) == 3 * ["unobservable"]
     assert groups(SHIPPED) == 3 * ["unobservable"]
     weak = SHIPPED.model_copy(update={"mass": Mass(lateral_g=1.0, vibration_um_per_m=1.0)})
     assert groups(weak) == ["drawn", "beyond", "alone", *(3 * ["beyond"]), "alone"]
@@ -94,8 +90,8 @@ def test_the_class_of_inertia_follows_from_the_file() -> None:
     ("vehicle", "inertia", "flow"),
     [
         (SHIPPED, None, None),
-        (changed("map", estimator="linear"), None, 0.1),
-        (changed("map", estimator="linear", model_form_percent=0.0), None, None),
+        (with_entries(SHIPPED, "map", estimator="linear"), None, 0.1),
+        (with_entries(SHIPPED, "map", estimator="linear", model_form_percent=0.0), None, None),
         (SHIPPED.model_copy(update={"mass": Mass(lateral_g=3.0, vibration_um_per_m=1.0)}), 3.0, None),
     ],
 )

@@ -11,7 +11,7 @@ import pytest
 from scipy.stats import chi2, genpareto
 from shape_case import grid_snapshots, shape_map, shape_vehicle
 from shape_truth import beam
-from trial_cases import case_of, other_world
+from trial_cases import case_of, other_world, with_entries
 
 from builder.inverse.envelope import tail_quantile
 from builder.pipeline import measured_levels
@@ -34,7 +34,7 @@ from builder.trial.readings import Readings, World, joined
 from builder.trial.run import scored
 from builder.trial.score import Row
 from builder.truth.shape import shape_flows
-from builder.vehicle.file import VEHICLES, Vehicle, load_vehicle
+from builder.vehicle.file import VEHICLES, load_vehicle
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState, chi_square_limit
 from strainfmu.estimator.map.inverse_map import InverseMap
@@ -150,10 +150,6 @@ def test_other_flights_raise_few_alarms_and_tenths_add_up_to_the_whole(
         assert np.mean([row["alarm_percent"] for row in tenths]) == pytest.approx(rows[0]["alarm_percent"])
 
 
-def with_entries(vehicle: Vehicle, section: str, **entries: object) -> Vehicle:
-    return vehicle.model_copy(update={section: getattr(vehicle, section).model_copy(update=entries)})
-
-
 @pytest.mark.fast
 def test_cheap_flows_of_a_shape_set_levels_and_those_by_euler_do_on_request() -> None:
     finned, cone = (load_vehicle(VEHICLES / f"{name}.toml") for name in ("finned_body", "elliptic_cone"))
@@ -162,11 +158,7 @@ def test_cheap_flows_of_a_shape_set_levels_and_those_by_euler_do_on_request() ->
     for vehicle, wanted, said in (
         (finned, True, ""),
         (cone, False, "from the theory, its 200 flows by euler"),
-        (
-            with_entries(finned, "structure", checked_by=None),
-            False,
-            "no independent model (structure.checked",
-        ),
+        (with_entries(finned, "structure", checked_by=None), False, "no independent model (structure.checked"),
         (with_entries(cone, "map", alarm_levels="always"), True, ""),
         (with_entries(finned, "map", alarm_levels="nominal"), False, ""),
     ):

@@ -16,7 +16,7 @@ from builder.figures.comparison import trial_figure
 from builder.trial.bound import KNOWN, cramer_rao_bound
 from builder.trial.cases import Case
 from builder.trial.compared import with_drawn_errors
-from builder.trial.conditions import flight_states
+from builder.trial.conditions import flight_states, quantities
 from builder.trial.estimators import Estimates, of_map
 from builder.trial.readings import Readings, with_map_errors
 from builder.trial.run import labelled
@@ -182,10 +182,8 @@ def test_an_estimator_that_knows_the_flow_reaches_it() -> None:
     manifold, flight = inverse_map.manifold, np.arange(n) % len(FLOWN)
     assert manifold is not None
     state = flight_states(FLOWN)[flight]
-    mach, pressure, q = (
-        np.array([getattr(one, name) for one in FLOWN])[flight]
-        for name in ("mach_number", "ambient_pressure", "dynamic_pressure")
-    )
+    names = ("mach_number", "ambient_pressure", "dynamic_pressure")
+    mach, pressure, q = (quantities(FLOWN, name)[flight] for name in names)
     strain, _ = with_drawn_errors(manifold, state, random)
     error = random.standard_normal((3, n))
     known = {

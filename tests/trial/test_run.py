@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from coarse_vehicle import COARSE
 from sweeps import sweep
-from trial_cases import case_of, health_of, other_world
+from trial_cases import case_of, health_of, other_world, with_entries
 
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
@@ -190,8 +190,7 @@ def test_maps_and_estimators_that_do_not_fit_are_refused_and_the_envelope_is_tha
     for name, message in (("nonlinear", "expected a map with tables"), ("other", "expected 'map', 'linear'")):
         with pytest.raises(InputError, match=f"^estimators: .*{message}"):
             scored(world, case, Plan(estimators=[name]))
-    listed = {"mach_number": [2.0], "altitude_km": 5.0}
-    other = world.vehicle.model_copy(update={"conditions": world.vehicle.conditions.model_copy(update=listed)})
+    other = with_entries(world.vehicle, "conditions", mach_number=[2.0], altitude_km=5.0)
     found = of_map(other, world.inverse_map).conditions
     assert (found.mach_number, found.altitudes_km) == ([5.0, 7.0], [20.0])
     assert found.angle_of_attack_deg == pytest.approx([0.0, 10.0])

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from shape_case import flown as solved
 from shape_case import shape_vehicle
-from trial_cases import case_of, other_world
+from trial_cases import case_of, other_world, with_entries
 
 from builder.aero.engines.newtonian import largest_pressure_coefficient
 from builder.pipeline.measured_levels import level_conditions
@@ -299,8 +299,7 @@ def test_edges_are_the_ends_of_both_ranges_but_zero() -> None:
         assert low - 1e-9 <= off.max(axis=1).min() <= off.max() <= high + 1e-9
     many, few = (flown_conditions(Where(), vehicle, None, n, np.random.default_rng(1)) for n in (200, 20))
     assert many[:20] == few  # so that more conditions keep the flows of fewer
-    one_sided = vehicle.conditions.model_copy(update={"sideslip_angle_deg": [0.0, 1.0, 2.0]})
-    ends = edges_of(vehicle.model_copy(update={"conditions": one_sided}))
+    ends = edges_of(with_entries(vehicle, "conditions", sideslip_angle_deg=[0.0, 1.0, 2.0]))
     assert [(name, middle + reach) for name, middle, reach in ends] == [
         ("angle_of_attack", -4.0),
         ("angle_of_attack", 4.0),
@@ -333,7 +332,7 @@ def test_flights_are_inside_all_ranges_of_the_file_at_altitudes_of_the_map(
 ) -> None:
     """A map that holds at none of 12 to 30 km is flown where it holds."""
     shipped = load_vehicle(VEHICLES / f"{name}.toml")
-    vehicle = shipped.model_copy(update={"map": shipped.map.model_copy(update=entry)})
+    vehicle = with_entries(shipped, "map", **entry)
     if shipped.is_axisymmetric:
         conditions = held_out_conditions(vehicle, TABLE, 200, np.random.default_rng(1))
     else:

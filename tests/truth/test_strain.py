@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from coarse_vehicle import true_flights
 from ensembles import listed_ensemble
+from trial_cases import with_entries
 
 from builder.aero.load_operator import coefficients_of, load_operator
 from builder.inverse.noise.hardware_errors import HardwareError, hardware_errors
@@ -19,6 +20,7 @@ from builder.structure.as_built.as_built_vehicle import AsBuilt, Counts, exactly
 from builder.structure.as_built.wall_regions import counts_of
 from builder.structure.as_built_kinds import IN_FLIGHT, IN_NOISE
 from builder.structure.fourier.fourier_model import structural_model
+from builder.trial.conditions import quantities
 from builder.truth.flights import drawn_vehicle
 from builder.truth.flow_table import (
     FlowTable,
@@ -78,9 +80,7 @@ class Flown(NamedTuple):
 
 @pytest.fixture(scope="module")
 def flown(vehicle: Vehicle, true_model: TrueStructure, table: FlowTable) -> Flown:
-    mach, incidence = (
-        np.array([getattr(one, name) for one in CONDITIONS]) for name in ("mach_number", "total_incidence")
-    )
+    mach, incidence = (quantities(CONDITIONS, name) for name in ("mach_number", "total_incidence"))
     harmonic, roll, fields = harmonics_at(table, mach, incidence), true_model.surface.roll_angle, []
     for one, of_flow in zip(CONDITIONS, harmonic, strict=True):
         phase = np.outer(np.arange(harmonic.shape[2]), roll - one.leeward_roll_angle)
@@ -101,8 +101,7 @@ def close(found: FloatArray, expected: FloatArray, tolerance: float = 1e-10) -> 
 @pytest.mark.parametrize("inside", ["ambient", 2e4])
 def test_coefficients_are_the_loads_of_the_pressure(inside: Any, flown: Flown) -> None:
     """C and strain of the same pressure by the operators of loads and strain: 1e-10 of the largest."""
-    structure = flown.vehicle.structure.model_copy(update={"internal_pressure_Pa": inside})
-    vehicle = flown.vehicle.model_copy(update={"structure": structure})
+    vehicle = with_entries(flown.vehicle, "structure", internal_pressure_Pa=inside)
     found = true_flights(vehicle, flown.model, flown.table, CONDITIONS)
     reference, net = vehicle.reference_quantities(), flown.pressure - (INSIDE if inside == "ambient" else inside)
     loads = load_operator(flown.model.surface, reference.moment_station)
