@@ -122,10 +122,11 @@ def trial_figure(rows: Sequence[Mapping[str, Any]], title: str) -> Figure:
             text = (
                 f"{percent if percent != '0.0' else ''} {'' if row['verdict'] in (OK, NONE) else row['verdict']}"
             )
-            colour = "#d7301f" if row["verdict"] == MISSED else "k"
-            bars.text(101.0, y, text, va="center", fontsize=7, clip_on=False, color=colour)
+            bars.text(101.0, y, text, va="center", fontsize=7, clip_on=False, color=_colour(row))
         labels = [row["case"] + (f" ({row['estimator']})" if several else "") for row in group]
         bars.set_yticks(place, [with_signs(label) for label in labels], fontsize=7)
+        for label, row in zip(bars.get_yticklabels(), group, strict=True):
+            label.set_color(_colour(row))
         bars.set_xlim(0.0, 100.0)
         bars.set_title(TITLES[name], fontsize=9, loc="left")
         of_group = [loads[row["case"], row["estimator"]] for row in group]
@@ -141,6 +142,8 @@ def trial_figure(rows: Sequence[Mapping[str, Any]], title: str) -> Figure:
             sigmas.axvspan(limit.low, limit.high, color="#c7e9c0", alpha=0.5)
             sigmas.set_title("sigma too wide", fontsize=8, loc="left")
             sigmas.set_title("too narrow", fontsize=8, loc="right")
+        if name == "alone":
+            sigmas.set_title("sigma includes errors that are not drawn here", fontsize=8, loc="left")
         for axis in (bars, sigmas, *errors):
             axis.set_ylim(len(group) - 0.5, -0.5)
     for axis, label in zip(panels[-1], LABELS, strict=False):
@@ -150,6 +153,11 @@ def trial_figure(rows: Sequence[Mapping[str, Any]], title: str) -> Figure:
     figure.legend(*of_loads, loc="outside lower right", ncols=7, fontsize=8)
     figure.suptitle(f"What the map notices: {title}")
     return figure
+
+
+def _colour(row: Mapping[str, Any]) -> str:
+    """Return the colour of the words on a case: red where it is missed."""
+    return "#d7301f" if row["verdict"] == MISSED else "k"
 
 
 MOST_LINES = 10
