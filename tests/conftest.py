@@ -39,8 +39,16 @@ hypothesis.settings.load_profile("strainfmu")
 pytest_plugins = ["coarse_vehicle", "as_built_case"]
 
 TESTS = Path(__file__).parent
-TOGETHER = ("golden", "inverse", "reports")
-"""Folders whose files share results in memory that cost more than the tests: each runs in one process."""
+TOGETHER = {
+    **{folder: (folder,) for folder in ("golden", "inverse", "reports")},
+    "sources": (
+        "test_layout.py",
+        "test_rooms.py",
+        "docs/test_public_names.py",
+        "fmu/description/test_signals_once.py",
+    ),
+}
+"""Folders and files that share results in memory that cost more than the tests: each group runs in one process."""
 
 FIRST = (
     "acceptance/test_demo.py",
@@ -100,13 +108,14 @@ def pytest_collection() -> Generator[None, object, object]:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Keep together, where tests run in several processes, what shares fixtures: a file, or one of the folders."""
     groups = {}
+    group_of = {name: group for group, names in TOGETHER.items() for name in names}
     for item in items:
         if item.get_closest_marker("fast") and item.get_closest_marker("slow"):
             raise pytest.UsageError(f"{item.nodeid}: marked both fast and slow")
         path = item.path.relative_to(TESTS)
-        groups[item] = path.parts[0] if path.parts[0] in TOGETHER else path.as_posix()
+        groups[item] = group_of.get(path.parts[0]) or group_of.get(path.as_posix()) or path.as_posix()
         item.add_marker(pytest.mark.xdist_group(groups[item]))
-    missing = [name for name in (*FIRST, *TOGETHER) if not (TESTS / name).exists()]
+    missing = [name for name in (*FIRST, *group_of) if not (TESTS / name).exists()]
     if missing:
         raise pytest.UsageError(f"tests/conftest.py: not among the tests: {', '.join(missing)}")
     order = {name: position for position, name in enumerate(FIRST)}

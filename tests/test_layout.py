@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import ast
 from collections import Counter
-from functools import cache
 from pathlib import Path
 
 import pytest
+from rooms import ROOT, files, text_of, tree_of
 
 import strainfmu
 
 pytestmark = pytest.mark.fast
 
-ROOT = Path(__file__).parents[1]
 TESTS = ROOT / "tests"
 PACKAGES = ("strainfmu", "builder", "fmus")
 
@@ -28,13 +27,7 @@ POSITIONAL_ONLY = {"CFUNCTYPE", "_series", "add_row", "pack"}
 
 def sources(*folders: str) -> list[tuple[Path, ast.Module]]:
     """Return the Python files of the folders, by their paths in the project, parsed."""
-    return [file for folder in folders for file in sources_of(folder)]
-
-
-@cache
-def sources_of(folder: str) -> list[tuple[Path, ast.Module]]:
-    paths = sorted((ROOT / folder).rglob("*.py"))
-    return [(path.relative_to(ROOT), ast.parse(path.read_text(encoding="utf-8"))) for path in paths]
+    return [(path, tree_of(path)) for path in files() if path.suffix == ".py" and path.parts[0] in folders]
 
 
 def name_of(node: ast.expr) -> str:
@@ -111,11 +104,11 @@ def holds_array(field: ast.stmt) -> bool:
 
 
 def test_the_version_stands_in_one_place() -> None:
-    files = [path for package in PACKAGES for path in (ROOT / package).rglob("*.py")]
-    files += [ROOT / "pyproject.toml", ROOT / "CITATION.cff", *ROOT.glob("docs/conf.py")]
+    paths = [path for path, _ in sources(*PACKAGES)]
+    paths += [Path(name) for name in ("pyproject.toml", "CITATION.cff", "docs/conf.py") if (ROOT / name).exists()]
     quoted = (f'"{strainfmu.__version__}"', f"'{strainfmu.__version__}'")
-    holding = [path for path in files if any(text in path.read_text(encoding="utf-8") for text in quoted)]
-    assert [path.relative_to(ROOT).as_posix() for path in holding] == ["strainfmu/version.py"]
+    holding = [path.as_posix() for path in paths if any(text in text_of(path) for text in quoted)]
+    assert holding == ["strainfmu/version.py"]
 
 
 def test_every_folder_of_tests_takes_part_in_the_quick_look() -> None:

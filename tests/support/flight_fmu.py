@@ -58,9 +58,6 @@ def random_flight(inverse_map: InverseMap, steps: int, seed: int) -> list[Flight
 class FlightFmu(Fmu2):
     """An instance whose map has tables."""
 
-    n_t = 0
-    """Number of temperature sensors."""
-
     def give(self, sample: FlightSample) -> None:
         """Set all inputs."""
         flow = [sample.flow.get(name, 0.0) for name in FLOW_INPUTS]
@@ -69,24 +66,16 @@ class FlightFmu(Fmu2):
         assert self.set_scalars(0, *flow) == OK
         further = [sample.flow.get(name, 0.0) for name in NAVIGATION_INPUTS[:N_INPUTS]]
         assert self.set_reals(range(FIRST, FIRST + N_INPUTS), further) == OK
-        if sample.temperature is not None:
-            assert self.set_reals(range(FILTER, FILTER + self.n_t), sample.temperature) == OK
 
-    def advance(self, sample: FlightSample) -> np.ndarray:
-        """All outputs after a step."""
-        self.give(sample)
-        assert self.step() == OK
-        return self.all_outputs()
-
-    def filter(self, time_constant: float) -> int:
-        """Set the filter's time constant [s]; the status."""
-        return self.set_reals([FILTER + self.n_t], [time_constant])
-
-    def advance_over(self, sample: FlightSample, time: float, size: float) -> np.ndarray:
+    def advance(self, sample: FlightSample, time: float = 0.0, size: float = 0.01) -> np.ndarray:
         """All outputs after a step over ``size`` from ``time`` [s]."""
         self.give(sample)
         assert self.step(time, size) == OK, self.messages
         return self.all_outputs()
+
+    def filter(self, time_constant: float) -> int:
+        """Set the filter's time constant [s]; the status."""
+        return self.set_reals([FILTER], [time_constant])
 
     def all_outputs(self) -> np.ndarray:
         """(52,) those of every map, air data and their deviations, flags."""

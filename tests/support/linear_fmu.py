@@ -19,7 +19,6 @@ class LinearSample:
     valid: np.ndarray
     pressure: float
     deviation: float = 0.0
-    temperature: np.ndarray | None = None
 
 
 def linear_flight(inverse_map: InverseMap, steps: int, seed: int, poor: bool = True) -> list[LinearSample]:
@@ -49,24 +48,22 @@ def linear_flight(inverse_map: InverseMap, steps: int, seed: int, poor: bool = T
 class LinearFmu(Fmu2):
     """An instance whose map is linear and has a filter."""
 
-    n_t = 0
-    """Number of temperature sensors."""
-
     def filter(self, time_constant: float) -> int:
         """Set the filter's time constant [s]; the status."""
-        return self.set_reals([first_zero(self.n) + 2 * self.n + 1 + self.n_t], [time_constant])
+        return self.set_reals([first_zero(self.n) + 2 * self.n + 1], [time_constant])
 
     def give(self, sample: LinearSample) -> None:
         """Set all inputs."""
         self.set_strain(sample.strain)
         self.set_valid(sample.valid)
         assert self.set_scalars(0, sample.pressure, sample.deviation) == OK
-        if sample.temperature is not None:
-            first = first_zero(self.n) + 2 * self.n + 1
-            assert self.set_reals(range(first, first + self.n_t), sample.temperature) == OK
 
-    def advance(self, sample: LinearSample, time: float, size: float) -> np.ndarray:
+    def advance(self, sample: LinearSample, time: float = 0.0, size: float = 0.01) -> np.ndarray:
         """All outputs after a step over ``size`` from ``time`` [s]."""
         self.give(sample)
         assert self.step(time, size) == OK, self.messages
+        return self.all_outputs()
+
+    def all_outputs(self) -> np.ndarray:
+        """Those of every map: a linear one has no others."""
         return self.outputs()

@@ -6,24 +6,21 @@ import ast
 import re
 from collections import Counter
 from functools import cache
-from pathlib import Path
 
 import pytest
 from flight_maps import whole_map
 from inertia_maps import with_masses
 from other_load_maps import with_further_tables
+from rooms import ROOT, tree_of
 from sensor_maps import with_sensors
 from thermal_maps import with_temperature
 
-import strainfmu
 from strainfmu.estimator.air_inputs import INERTIAL_NAMES
 from strainfmu.estimator.other_loads import ROLLING
 from strainfmu.estimator.signal_names import TEMPERATURE, THRUST
 from strainfmu.interface.contents import estimator_contents
 
 pytestmark = pytest.mark.fast
-
-ROOT = Path(strainfmu.__file__).parents[1]
 
 MOST = 3
 
@@ -35,7 +32,7 @@ def files_by_literal() -> Counter[str]:
     for room in ("strainfmu", "builder", "fmus"):
         for path in (ROOT / room).rglob("*.*"):
             if path.suffix == ".py":
-                nodes = ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+                nodes = ast.walk(tree_of(path.relative_to(ROOT)))
                 found.update(
                     {one.value for one in nodes if isinstance(one, ast.Constant) and isinstance(one.value, str)}
                 )
@@ -50,9 +47,6 @@ def files_by_literal() -> Counter[str]:
 
 
 def test_few_files_hold_the_name_of_a_signal() -> None:
-    if not (ROOT / "pyproject.toml").is_file():
-        # The count reads the sources, which an installed package lacks.
-        pytest.skip("installed without its sources")
     whole = with_masses(with_temperature(with_sensors(with_further_tables(whole_map()))))
     names = [one["name"] for one in estimator_contents(whole)["signals"]]
     assert len(names) > 80

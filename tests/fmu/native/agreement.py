@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from flight_fmu import FlightSample
+from linear_fmu import LinearSample
 
 from strainfmu.atmosphere import pressure_and_temperature
 from strainfmu.estimator.estimate import Estimate
@@ -101,10 +102,16 @@ def estimated(estimator: Estimator, sample: Sample, **known: Any) -> Estimate:
     )
 
 
-def tracked(estimator: Estimator, sample: FlightSample, time: float = 0.0, **known: Any) -> Estimate:
+def tracked(
+    estimator: Estimator, sample: FlightSample | LinearSample, time: float = 0.0, **known: Any
+) -> Estimate:
     """The estimate of a sample of a flight from what the last one left; ``time`` [s] is that of a filter."""
-    warm = {} if sample.temperature is None else {"temperature": sample.temperature}
-    return estimator.track(sample.strain, valid=sample.valid, time=time, **sample.flow, **warm, **known)
+    if isinstance(sample, FlightSample):
+        flow = sample.flow
+    else:
+        deviation = sample.deviation if sample.deviation > 0.0 else np.nan
+        flow = {"dynamic_pressure": sample.pressure, "dynamic_pressure_std": deviation}
+    return estimator.track(sample.strain, valid=sample.valid, time=time, **flow, **known)
 
 
 def assert_same(outputs: np.ndarray, estimate: Estimate) -> None:

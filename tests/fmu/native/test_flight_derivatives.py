@@ -224,7 +224,7 @@ def test_the_estimator_is_left_as_it_was(fmu: FlightFmu, inverse_map: InverseMap
     samples = random_flight(inverse_map, 4, seed=2)
     assert fmu.filter(time_constant) == OK
     for k, sample in enumerate(samples):
-        fmu.advance_over(sample, 0.01 * k, 0.01)
+        fmu.advance(sample, 0.01 * k, 0.01)
     for navigation in ({"mach_number": 0.0}, {}):
         fmu.give(replace(samples[-1], flow=samples[-1].flow | navigation))
         before, state = fmu.all_outputs().tobytes(), fmu.serialise(fmu.get_state())
@@ -238,7 +238,7 @@ def test_with_the_filter_on_they_are_those_of_the_step(fmu: FlightFmu, inverse_m
     sample = random_flight(inverse_map, 1, seed=2)[0]
     assert fmu.filter(0.5) == OK
     for k in range(6):
-        fmu.advance_over(sample, 0.01 * k, 0.01)
+        fmu.advance(sample, 0.01 * k, 0.01)
     state = fmu.get_state()
     fmu.give(sample)
     centre, direction = fmu.get_reals(KNOWNS), sizes(fmu) * np.random.default_rng(1).normal(size=len(KNOWNS))

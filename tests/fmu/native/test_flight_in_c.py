@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from agreement import assert_same, tracked
+from agreement import tracked
 from flight_fmu import (
     N_D,
     FlightFmu,
@@ -80,30 +80,10 @@ def test_navigation_at_the_ends_of_numbers(
     np.testing.assert_allclose(found[:20], output_values(expected)[:20], rtol=1e-6)
 
 
-def test_outputs_follow_what_is_set_without_a_step(fmu: FlightFmu, inverse_map: InverseMap) -> None:
-    """What is set after a step belongs to the next one, however often it is set or read before that is taken."""
-    samples, estimator = random_flight(inverse_map, 6, seed=17), Estimator(inverse_map)
-    for sample in samples:
-        fmu.give(samples[0])
-        fmu.all_outputs()
-        fmu.give(sample)
-        before = fmu.all_outputs()
-        assert fmu.step() == OK
-        assert fmu.all_outputs().tobytes() == before.tobytes()
-        assert_same(before, tracked(estimator, sample))
-
-
 def test_refuses_model_exchange(resources: Path) -> None:
     other = FlightFmu(resources.as_uri(), N_D, co_simulation=False)
     assert other.instance.value is None
     assert other.messages[-1][2] == "this FMU is for co-simulation"
-
-
-def test_wrong_value_in_a_state(fmu: FlightFmu, inverse_map: InverseMap) -> None:
-    fmu.advance(random_flight(inverse_map, 1, seed=22)[0])
-    content = bytearray(fmu.serialise(fmu.get_state()))
-    content[-8:] = np.float64(0.5).tobytes()
-    assert "flight state that cannot be" in refused_state(fmu, content)
 
 
 @pytest.mark.parametrize("turn", [0.0, 0.3])

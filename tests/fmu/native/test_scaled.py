@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from agreement import Sample, estimated, random_samples, strain_at
+from agreement import Sample, estimated, strain_at
 from native_case import NativeCase
 from raw_fmu import N_OUTPUTS, OK, REAL_OUTPUTS, VALUES, WHOLE_OUTPUTS, Fmu2, write_resource
 from scaled_maps import NOMINAL, errors_at_strain, scaled_map, with_envelope
@@ -32,19 +32,6 @@ def fitting(case: NativeCase, pressure: float = NOMINAL, **flow: float) -> Sampl
     """Strains of the mean pressure with all gauges."""
     valid, deviation = np.ones(case.n, dtype=bool), flow.pop("dynamic_pressure_std", 0.0)
     return Sample(strain_at(case.inverse_map, pressure), valid, pressure, deviation, **flow)
-
-
-def test_results_do_not_depend_on_what_was_before(scaled: NativeCase) -> None:
-    # Levels and masks are kept: in another order each result has the same bits.
-    samples = list(random_samples(scaled.inverse_map, 300, seed=8))
-    fmu = Fmu2(scaled.uri, scaled.n).start()
-    first = [outputs(fmu, sample).tobytes() for sample in samples]
-    backwards = [outputs(fmu, sample).tobytes() for sample in reversed(samples)]
-    fmu.free()
-    fmu = Fmu2(scaled.uri, scaled.n).start()
-    assert [outputs(fmu, sample).tobytes() for sample in samples[::7]] == first[::7]
-    assert backwards[::-1] == first
-    fmu.free()
 
 
 def test_suspects_at_the_threshold(case: NativeCase) -> None:

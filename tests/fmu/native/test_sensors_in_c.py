@@ -6,7 +6,7 @@ from ctypes import c_int, c_size_t
 
 import numpy as np
 import pytest
-from agreement import Sample, assert_same, estimated
+from agreement import Sample
 from native_case import NativeCase
 from random_map import map_of, random_model
 from raw_fmu import OK, Fmu2, first_zero, of_filter, write_resource
@@ -15,7 +15,6 @@ from sensor_maps import ROWS, with_sensors
 from thermal_maps import with_temperature
 
 from strainfmu.estimator.estimator import Estimator
-from strainfmu.estimator.gauge_zeros import GaugeZeros
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.map.sensors import SensorRows
@@ -92,19 +91,6 @@ def test_range_of_gauges_is_not_that_of_sensors(case: NativeCase) -> None:
     sample = Sample(strain, np.ones(case.n, dtype=bool), NOMINAL, np.nan)
     give(fmu, sample)
     assert fmu.outputs()[23] == N_S
-
-
-def test_zeros_and_tare_are_those_of_gauges(case: NativeCase) -> None:
-    """Zeros move the gauges' strains alone, their common error too; a tare leaves what sensors read alone."""
-    n, random = case.inverse_map.n_strain_gauges, np.random.default_rng(2)
-    fmu, estimator = Fmu2(case.uri, case.n).start(), Estimator(case.inverse_map)
-    zeros = GaugeZeros(value=1e-5 * random.normal(size=n), std=np.full(n, 1e-6), common_std=2e-6)
-    first = first_zero(case.n)
-    assert fmu.set_reals(range(first, first + 2 * n + 1), [*zeros.value, *zeros.std, zeros.common_std]) == OK
-    strain = readings(case, case.inverse_map.mean_strain)
-    sample = Sample(strain, np.ones(case.n, dtype=bool), NOMINAL, np.nan)
-    give(fmu, sample)
-    assert_same(fmu.outputs(), estimated(estimator.with_zeros(zeros), sample))
 
 
 def test_a_tare_of_the_gauges(case: NativeCase) -> None:
