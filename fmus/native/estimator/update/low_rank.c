@@ -195,44 +195,31 @@ double low_rank_gain(Scaled *scaled, size_t k, double *gain) {
     return scaled->step.per_pressure[k];
 }
 
-/* The root of the information on the free states, in their own units, by rows. */
-static void free_root(const Scaled *scaled, double *root) {
-    const LowRank *low = &scaled->low;
-    const size_t n_free = scaled->map->form.n_free, order = low->order, first = order - n_free;
-    for (size_t i = 0; i < n_free; i++) {
-        for (size_t j = 0; j < n_free; j++) {
-            const double element = low->triangle[(first + j) * order + first + i];
-            root[i * n_free + j] = j > i ? 0.0 : low->scale[first + i] * element;
-        }
+/* L of the covariance of the free states, the last rows of C, filled up with the unit matrix to whole lanes. */
+static void set_free_root(const Scaled *scaled, const double *covariance, double *root) {
+    const size_t n_free = scaled->map->form.n_free, order = scaled->low.order, n = in_lanes(n_free);
+    covariance += triangle_column(order) - triangle_column(n_free);
+    memset(root, 0, n * n * sizeof *root);
+    for (size_t i = 0; i < n; i++) {
+        root[i * n + i] = 1.0;
     }
+    for (size_t i = 0; i < n_free; covariance += n_free - i, i++) {
+        memcpy(root + i * n + i, covariance, (n_free - i) * sizeof *root);
+    }
+    cholesky(scaled->wide, n, root);
 }
 
-/* The roots R of the gauges in use, R_0 of all gauges: the square of the smallest singular value of R_0^-1 R. */
+/* The roots R of the gauges in use, R_0 of all gauges: the square of the smallest singular value of R^-1 R_0. */
 double low_rank_information(Scaled *scaled, const MaskedMap *masked) {
     LowRank *low = &scaled->low;
-    const size_t n_free = scaled->map->form.n_free;
-    if (!low->knows_all) {
-        memset(low->all_gauges, 1, scaled->map->n_gauges);
-        if (!low_rank_nominal(scaled, low->all_gauges)) {
-            return 0.0;
-        }
-        free_root(scaled, low->all_free);
-        low->knows_all = 1;
-    }
-    if (!low_rank_nominal(scaled, masked->mask)) {
+    const size_t n = in_lanes(scaled->map->form.n_free), n_lost = scaled->map->n_gauges - masked->n_used;
+    if (!low->all_identify || !low_rank_nominal_covariance(scaled, masked->mask, n_lost, low->of_set)) {
         return 0.0;
     }
-    free_root(scaled, low->free);
-    for (size_t j = 0; j < n_free; j++) {
-        for (size_t i = 0; i < n_free; i++) {
-            double sum = low->free[i * n_free + j];
-            for (size_t k = 0; k < i; k++) {
-                sum -= low->all_free[i * n_free + k] * low->ratio[k * n_free + j];
-            }
-            low->ratio[i * n_free + j] = sum / low->all_free[i * n_free + i];
-        }
-    }
-    const double smallest = smallest_singular_value(n_free, low->ratio, low->ratio + n_free * n_free);
+    set_free_root(scaled, low->of_all, low->ratio);
+    set_free_root(scaled, low->of_set, low->free);
+    solve_lower(scaled->wide, n, low->free, n, low->ratio);
+    const double smallest = smallest_singular_value(n, low->ratio, low->free);
     return smallest * smallest;
 }
 
@@ -254,7 +241,7 @@ void low_rank_group(Scaled *scaled, MaskedMap *masked, size_t worst) {
     const size_t in_group = scaled->map->n_gauges; /* of members, before their first is known */
     size_t *group = masked->group, *member = scaled->step.lost, members = 1, first = worst;
     if (low->grouped != masked->number) {
-        low_rank_nominal(scaled, masked->mask);
+        low_rank_nominal(scaled, masked->mask, low->nominal_weight);
         low_rank_nominal_precision(scaled);
         low->grouped = masked->number;
     }

@@ -73,8 +73,8 @@ void low_rank_arrays(Scaled *scaled, Room *room) {
     TAKE(room, order, &low->product, &low->scale, &low->ones);
     low->rows = taken(room, LANES * order);
     low->of_term = taken(room, terms * order);
-    TAKE(room, n_free * n_free, &low->all_free, &low->free);
-    low->ratio = taken(room, n_free * n_free + n_free);
+    TAKE(room, in_lanes(n_free) * in_lanes(n_free), &low->free, &low->ratio);
+    TAKE(room, triangle_column(order), &low->of_all, &low->of_set);
     low->all_gauges = piece(room, n, 1);
     /* Of the preparation alone. */
     low->whole = taken(room, n * states);
@@ -265,6 +265,7 @@ void low_rank_renew(Scaled *scaled, size_t n_strains, const double *zero_std) {
     }
     low->next = 0;
     low->grouped = 0;
-    low->knows_all = 0;
+    memset(low->all_gauges, 1, map->n_gauges);
+    low->all_identify = low_rank_nominal_covariance(scaled, low->all_gauges, 0, low->of_all);
     scaled->step.masked = NULL;
 }

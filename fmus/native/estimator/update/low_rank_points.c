@@ -14,7 +14,8 @@
    gauges, by 2 n order^2 LOW_NODES multiplications, and LOW_INTERVALS are kept.
 
    Up to MOST_SUBTRACTED lost gauges are taken off the interval of all gauges one by one, by n order LOW_NODES
-   multiplications each. With y = C h_j and p = P e_j, which is -w_i w_j h_i' y but for P_jj, without gauge j
+   multiplications each, and off C at a ratio of 1, by which the others identify the free states. With y = C h_j and
+   p = P e_j, which is -w_i w_j h_i' y but for P_jj, without gauge j
 
        C + y y' w_j^2 / P_jj,      P - p p' / P_jj,      G - G_j p' / P_jj,
 
@@ -317,22 +318,27 @@ EVERYWHERE void set_precision_column(size_t n, size_t width, size_t order, const
 FOR_AVX2(set_precision_column, (size_t n, size_t width, size_t order, const double *row, const double *weight,
                                 const double *y, size_t j, double *out), (n, width, order, row, weight, y, j, out))
 
+/* C + factor y y', packed. */
+static void add_square(size_t order, double factor, const double *y, double *covariance) {
+    for (size_t i = 0; i < order; covariance += order - i, i++) {
+        add_times(order - i, factor * y[i], y + i, covariance);
+    }
+}
+
 /* Take gauge j off a point. 0 where the others hardly check it. */
 static int subtract(Scaled *scaled, const Point *point, size_t j) {
     const Map *map = scaled->map;
     LowRank *low = &scaled->low;
     const size_t n = map->n_gauges, order = low->order, terms = 6 * map->form.n_terms;
     const double w = low->weight[j], checked = point->precision[j], *row = low->row + j * low->width;
-    double *p = low->vector, *y = low->x, *covariance = point->covariance;
+    double *p = low->vector, *y = low->x;
     if (!(checked > LEAST_CHECKED * w)) {
         return 0;
     }
-    times_covariance(order, covariance, row, y);
+    times_covariance(order, point->covariance, row, y);
     CHOSEN(scaled->wide, set_precision_column)(n, low->width, order, low->row, low->weight, y, j, p);
     p[j] = checked;
-    for (size_t i = 0; i < order; covariance += order - i, i++) {
-        add_times(order - i, w * (w / checked) * y[i], y + i, covariance);
-    }
+    add_square(order, w * (w / checked), y, point->covariance);
     for (size_t k = 0; k <= N_LOADS; k++) {
         add_times(order, -w * row[order + k], row, point->column + k * order);
         for (size_t i = 0; i < N_LOADS; i++) {
@@ -413,7 +419,6 @@ static const LowInterval *interval_at(Scaled *scaled, const MaskedMap *masked, d
     if (known) {
         return interval;
     }
-    memset(low->all_gauges, 1, n);
     if (by_all) {
         LowInterval *all = interval_of(low, number, 0, interval, &known);
         if (!known) {
@@ -450,11 +455,46 @@ void low_rank_at(Scaled *scaled, const MaskedMap *masked, double s) {
     set_parts((logarithm(s) - logarithm(low->at->middle)) / LOW_HALF_WIDTH, low->part);
 }
 
-int low_rank_nominal(Scaled *scaled, const unsigned char *mask) {
+int low_rank_nominal(Scaled *scaled, const unsigned char *mask, double *weight) {
     LowRank *low = &scaled->low;
-    low_rank_weights(scaled, mask, 1.0, low->nominal_weight);
-    CHOSEN(scaled->wide, set_gram)(scaled->map->n_gauges, low->width, low->row, low->nominal_weight, low->gram);
+    low_rank_weights(scaled, mask, 1.0, weight);
+    CHOSEN(scaled->wide, set_gram)(scaled->map->n_gauges, low->width, low->row, weight, low->gram);
     return set_information(scaled, 1.0);
+}
+
+/* C at a ratio of 1 of all gauges becomes that of a set. 0 where the others hardly check a gauge that is lost. */
+static int take_off_lost(Scaled *scaled, const unsigned char *mask, double *covariance) {
+    LowRank *low = &scaled->low;
+    const size_t n = scaled->map->n_gauges, order = low->order;
+    low_rank_weights(scaled, low->all_gauges, 1.0, low->sized);
+    for (size_t j = 0; j < n; j++) {
+        if (mask[j]) {
+            continue;
+        }
+        const double w = low->sized[j], *row = low->row + j * low->width;
+        times_covariance(order, covariance, row, low->x);
+        const double checked = w - w * (w * dot(order, row, low->x));
+        if (!(checked > LEAST_CHECKED * w)) {
+            return 0;
+        }
+        add_square(order, w * (w / checked), low->x, covariance);
+    }
+    return 1;
+}
+
+int low_rank_nominal_covariance(Scaled *scaled, const unsigned char *mask, size_t n_lost, double *covariance) {
+    LowRank *low = &scaled->low;
+    if (n_lost > 0 && n_lost <= MOST_SUBTRACTED) {
+        memcpy(covariance, low->of_all, triangle_column(low->order) * sizeof *covariance);
+        if (take_off_lost(scaled, mask, covariance)) {
+            return 1;
+        }
+    }
+    if (!low_rank_nominal(scaled, mask, low->sized)) {
+        return 0;
+    }
+    set_covariance(scaled, covariance);
+    return 1;
 }
 
 void low_rank_nominal_precision(Scaled *scaled) {

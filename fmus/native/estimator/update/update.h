@@ -236,8 +236,9 @@ typedef struct {
     /* At a ratio of 1, of sets of gauges: */
     double *nominal_weight, *nominal_along, *nominal_precision;
     unsigned long grouped;          /* number of the set that the last two are for; 0 for none */
-    double *all_free, *free, *ratio; /* (n_free, n_free) roots of the information on free states */
-    int knows_all;                  /* whether all_free is known */
+    double *of_all, *of_set;        /* C of all gauges, and of a set, packed */
+    int all_identify;               /* whether of_all is set */
+    double *free, *ratio;           /* (n_free, n_free) in whole lanes, roots of the covariance of free states */
     unsigned char *all_gauges;      /* (n_gauges) 1 */
     double *whole, *head, *turned, *kept, *scratch, *of_free, *of_column; /* scratch of low_rank_prepare */
 } LowRank;
