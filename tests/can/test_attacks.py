@@ -131,6 +131,10 @@ FROZEN = (
         *("fd64", 42, "whose clock was set with the first repetition, and whose frames come at once"),
         [Act("freeze", 95, 142, 0.11), Act("step under delay", 95, 154, 0.518), Act("delay", 83, 100, 0.519)],
     ),
+    (
+        *("classic-le", 44, "behind a recording, whose clock was set back meanwhile"),
+        [Act("freeze", 78, 135, 0.547), Act("recording", 74, 91, 0.048), Act("step back", 84, 91, 0.547)],
+    ),
 )
 
 

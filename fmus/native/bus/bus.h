@@ -197,7 +197,7 @@ typedef struct {
     double recent_time[8];                        /* of the last counters in sequence */
     uint64_t content, content_before;             /* hashes of the same two */
     double held_since, heard;                     /* of strains that are held; the last cycle that was read of it [s] */
-    int64_t heard_ticks;                          /* and its sample time, -1 for none */
+    int64_t heard_ticks;                          /* and its sample time, -1 between a jump of the clock and a young one */
     int64_t ticks;                                /* sample time of the frame that is kept */
     int32_t counter, counter_before;              /* -1 for none */
     int32_t ok, errors, state;                    /* E2E state machine: the last ten checks, a bit each */
@@ -249,7 +249,8 @@ typedef struct {
     double unseen;                                /* time of the sender's clock that no cycle in a row shows, in all [s] */
     double usual_off;                             /* by how much its steps are off by its counter, about [s] */
     int64_t changed_ticks;
-    double changed_oldest;                        /* before which the strains that changed last were not sampled [s] */
+    double changed_oldest, young_oldest;          /* before which the strains that changed last, and the last young ones,
+                                                     were not sampled [s] */
     int32_t all_frozen, all_repeat;               /* all_repeat: so often that noise hardly allows it */
 } SbState;
 

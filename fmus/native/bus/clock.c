@@ -270,6 +270,7 @@ uint32_t clock_date(const SbPlan *p, SbState *s, int64_t ticks, int counter, dou
     const int has_state = p->state >= 0 && slots_of(s)[p->state].here;
     if (p->is_answered && s->expects_state && !has_state && !step.goes_on) {
         s->result.age = s->result.uncertainty = NAN;
+        s->goes_on = 0;
         return SB_OLD | SB_JUMP; /* strains of another time whose session is not stated */
     }
     s->unseen += s->has_seen && step.goes_on ? step.unseen : LONGEST_DELAY;

@@ -183,34 +183,35 @@ static uint32_t find_age(const SbPlan *p, SbState *s, int64_t ticks, int counter
     return causes;
 }
 
-/* For how long no reading came of a frame that has come now, beyond a cycle [s]; all these have come now. Behind a jump of
-   the clock those of before may have been a recording's: as long as it says. */
-static double time_lost(const SbPlan *p, SbState *s, int64_t ticks) {
+/* For how long no reading came of a frame that has come now, beyond a cycle [s]; all these have come now. `is_broken`: behind a
+   jump of the clock they are the first of a cycle that is young: those of before may have been a recording's. */
+static double time_lost(const SbPlan *p, SbState *s, int64_t ticks, int is_young, int *is_broken) {
     double longest = 0.0;
     for (int i = 0; i < p->n_slots; i++) {
         SbSlotState *q = &slots_of(s)[i];
+        q->heard_ticks = s->goes_on ? q->heard_ticks : -1;
         if (p->slot[i].kind != SB_STRAIN || !q->fresh) {
             continue;
         }
-        const int by_clock = ticks >= 0 && q->heard_ticks >= 0 && s->goes_on;
-        const double jump = ticks >= 0 && !s->goes_on ? s->step_time : 0.0, passed = s->first - q->heard;
-        const double since = by_clock        ? p->tick * (double)ticks_ahead(ticks, q->heard_ticks, p->bits)
-                             : jump > passed ? jump
-                                             : passed;
+        const int goes_on = ticks >= 0 && q->heard_ticks >= 0;
+        const double since = goes_on ? p->tick * (double)ticks_ahead(ticks, q->heard_ticks, p->bits) : s->first - q->heard;
         const double lost = q->heard > -INFINITY ? since - p->cycle : 0.0;
         longest = lost > longest ? lost : longest;
+        *is_broken |= ticks >= 0 && !goes_on;
         q->heard = s->first;
-        q->heard_ticks = ticks;
+        q->heard_ticks = goes_on || is_young ? ticks : -1;
     }
     return longest;
 }
 
 /* Strains that all gauges repeat, more often than noise allows, are as old as their first occurrence. Strains behind lost
-   cycles may be as old as these: the next ones show it, or repeat them. */
-static uint32_t add_repeats(const SbPlan *p, SbState *s, double repeated, double doubted, int64_t ticks) {
+   cycles may be as old as these, behind a recording as the last young ones: the next ones show it, or repeat them. */
+static uint32_t add_repeats(const SbPlan *p, SbState *s, double repeated, double doubted, int64_t ticks, uint32_t of_age) {
     SbResult *r = &s->result;
     uint32_t causes = 0;
-    const double lost = time_lost(p, s, ticks);
+    const int is_young = !(of_age & (SB_OLD | SB_AGE_UNKNOWN)) && !s->is_unproven;
+    int is_broken = 0;
+    const double lost = time_lost(p, s, ticks, is_young, &is_broken);
     const int has_changed = s->changed_at == s->first;
     s->unheard = has_changed ? lost : s->unheard;
     if (p->stuck == 0) {
@@ -222,12 +223,16 @@ static uint32_t add_repeats(const SbPlan *p, SbState *s, double repeated, double
     if (hidden > 0.0) {
         r->uncertainty = (r->uncertainty == r->uncertainty ? r->uncertainty : 0.0) + hidden;
     }
-    const double oldest = r->time - s->changed_oldest; /* by the bound of their first occurrence; NaN for none */
-    if (has_changed) {
-        s->changed_oldest = r->time - r->age - r->uncertainty;
-    } else if (repeated + doubted > 0.0 && oldest > r->age + r->uncertainty) {
+    is_broken = is_broken && s->young_oldest > -INFINITY && !s->is_unproven;
+    s->changed_oldest = has_changed ? r->time - r->age - r->uncertainty : s->changed_oldest; /* NaN: not known */
+    if (is_broken && !(s->changed_oldest < s->young_oldest)) {
+        s->changed_oldest = s->young_oldest;
+    }
+    const double oldest = r->time - s->changed_oldest;
+    if ((is_broken || repeated + doubted > 0.0) && oldest > r->age + r->uncertainty) {
         r->uncertainty = oldest - r->age;
     }
+    s->young_oldest = is_young ? r->time - r->age - r->uncertainty : s->young_oldest;
     if (repeated > 0.0 && r->age > p->max_age) {
         causes |= SB_OLD | SB_FROZEN;
     } else if (r->age + r->uncertainty > p->max_age) {
@@ -355,7 +360,7 @@ static uint32_t judge_strains(const SbPlan *p, SbState *s, int named, int64_t ti
     uint32_t of_time = 0;
     if (named >= 0) {
         of_time = find_age(p, s, ticks, r->counter, now);
-        of_time |= is_readable ? add_repeats(p, s, repeated, doubted, ticks) : 0;
+        of_time |= is_readable ? add_repeats(p, s, repeated, doubted, ticks, of_time) : 0;
     } else { /* the state of the sender alone */
         r->age = r->uncertainty = NAN;
     }
@@ -430,7 +435,7 @@ void sb_begin(const SbPlan *p, SbState *s, double start) {
     s->measured_period = NAN;
     s->usual_off = 0.05 * p->cycle;
     s->last_cycle = s->refilled = start;
-    s->last_first = s->alarm_heard = s->alarm_until = s->bridge_until = -INFINITY;
+    s->last_first = s->young_oldest = s->alarm_heard = s->alarm_until = s->bridge_until = -INFINITY;
     s->refusals = 20.0;
     s->request = -1;
     for (int k = 0; k < SB_N_CLASSES; k++) {

@@ -201,6 +201,7 @@ void forget_sender(const SbPlan *p, SbState *s) {
     }
     s->clock.is_set = s->clock.has_lower = 0;
     s->has_seen = s->has_newest = s->has_proven = s->n_late = s->n_intervals = 0;
+    s->young_oldest = -INFINITY;
 }
 
 /* Whether a session is the newest one; a newer one is a restart. An older one is refused; where restarts need no proof, while
