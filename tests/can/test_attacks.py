@@ -194,6 +194,10 @@ RACK_ACTS = (
         [Act("large step ahead", 67, 99, 0.015), Act("delay", 77, 89, 0.648)],
         "the unproven sender is late, not back",
     ),
+    (
+        [Act("delay", 73, 120, 0.555), Act("recording", 90, 113, 0.715)],
+        "the sender is back behind a recording, late, and a clock that begins with it explains it too",
+    ),
 )
 
 

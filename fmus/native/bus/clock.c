@@ -222,7 +222,7 @@ static uint32_t date_by_anchor(const SbPlan *p, SbState *s, const Sample *at, co
     const int is_explained = fits(p, &s->clock, &k, at);
     const int is_late = at->now - k.source - k.upper > p->max_age;
     look_for_proven(p, s, at, step, !is_explained && !is_late);
-    if (is_explained || fits(p, &s->clock, &k, at)) {
+    if (fits(p, &s->clock, &k, at)) { /* which is the proven sender's where it is back */
         add_time_set(&k, set);
         k.n_odd = 0;
         s->clock = k;

@@ -227,6 +227,7 @@ void sb_confirm(const SbPlan *p, SbState *s) {
     SbSlotState *q = slots_of(s);
     s->is_unproven = s->has_proven = s->n_late = s->has_session = s->has_seen = 0;
     s->clock.is_set = s->clock.has_lower = 0;
+    s->young_oldest = -INFINITY;
     s->is_confirmed = 1;
     for (int i = 0; i < p->n_slots; i++) {
         q[i].clock.is_set = 0;
