@@ -262,7 +262,10 @@ def _cause_of_place(report: MappingReport) -> str:
         return "the source is open and the target closed: the base is missing"
     if report.unfitted_fraction > 0.5:
         return "the source's normals point inward: turn its triangles over"
-    return "the extents agree, so the shapes differ in between or a part is missing or extra"
+    return (
+        "the extents agree, so the shapes differ in between, a part is missing or extra, or one of the meshes is too "
+        "coarse (structure.resolution, or surface nodes of resolution.map)"
+    )
 
 
 def _same_size(a: FloatArray, b: FloatArray) -> bool:

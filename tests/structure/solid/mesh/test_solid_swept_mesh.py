@@ -13,10 +13,12 @@ from builder.aero.pressure_map import pressure_map
 from builder.aero.surface.mesh import mesh_of_grid
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import harmonic_response
+from builder.structure.mapped_structure import TOLERANCES_OF_CHECK
 from builder.structure.solid.cyclic import sector_stiffness
 from builder.structure.solid.elements import boundary_facets, face_keys
 from builder.structure.solid.gauge_rows import gauge_rows, gauges_at
 from builder.structure.solid.mesh_checks import check_mesh
+from builder.structure.solid.mesh_choice import COARSEST
 from builder.structure.solid.nodal_loads import (
     pressure_load,
     surface_nodes,
@@ -224,6 +226,18 @@ def test_blunt_tips_are_meshed_whole(tip: SegmentMaker, solid: float) -> None:
     report = mapping_report(pressure_map(source, target), source, target, newtonian)
     check_mapping(report, MappingTolerances())
     assert report.largest_gap_point[0] > 0.3  # the chords round the base are further off than the tip
+
+
+def test_the_coarsest_mesh_of_a_wide_body_may_check_another() -> None:
+    """Its 16 chords round a base of a fifth of the length lie too deep for the mesh of a map."""
+    wide = chain_pieces([partial(spherical_cap_from, 0.08), partial(nine_degrees, 1.6)])
+    source = mesh_of_grid(surface_grid(wide, 100, 96))
+    target = triangulated_surface(full_mesh(swept_wall(wide, Wall(0.004, 0.12, METAL), COARSEST)), EXTERNAL)
+    newtonian = np.maximum(-source.node_normal[:, 0], 0.0) ** 2
+    report = mapping_report(pressure_map(source, target), source, target, newtonian)
+    check_mapping(report, TOLERANCES_OF_CHECK)
+    with pytest.raises(InputError, match="one of the meshes is too coarse \\(structure.resolution"):
+        check_mapping(report, MappingTolerances())
 
 
 def test_rounded_nose_of_sections_is_meshed() -> None:
