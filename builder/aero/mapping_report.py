@@ -263,8 +263,8 @@ def _cause_of_place(report: MappingReport) -> str:
     if report.unfitted_fraction > 0.5:
         return "the source's normals point inward: turn its triangles over"
     return (
-        "the extents agree, so the shapes differ in between, a part is missing or extra, or one of the meshes is too "
-        "coarse (structure.resolution, or surface nodes of resolution.map)"
+        "the extents agree, so the shapes differ in between, a part is missing or extra, or one of the meshes is "
+        "too coarse (structure.resolution, or surface nodes of resolution.map)"
     )
 
 

@@ -21,8 +21,8 @@ ROLL_REFINEMENT = 4
 TOLERANCES_OF_CHECK = MappingTolerances(
     gap_relative=8e-3, area_mismatch=0.08, force_residual_relative=0.08, moment_residual_relative=0.02
 )
-"""Four times the usual ones: a mesh that another is compared with may have elements of twice the size, and chords of
-twice the length lie four times as deep. What that changes of strain is part of the mesh error."""
+"""Four times the usual ones: a mesh that another is compared with may have elements of twice the size, and chords
+of twice the length lie four times as deep. What that changes of strain is part of the mesh error."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

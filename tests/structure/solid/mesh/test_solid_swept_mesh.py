@@ -236,7 +236,7 @@ def test_the_coarsest_mesh_of_a_wide_body_may_check_another() -> None:
     newtonian = np.maximum(-source.node_normal[:, 0], 0.0) ** 2
     report = mapping_report(pressure_map(source, target), source, target, newtonian)
     check_mapping(report, TOLERANCES_OF_CHECK)
-    with pytest.raises(InputError, match="one of the meshes is too coarse \\(structure.resolution"):
+    with pytest.raises(InputError, match=r"one of the meshes is too coarse \(structure.resolution"):
         check_mapping(report, MappingTolerances())
 
 
