@@ -387,6 +387,15 @@ def test_the_same_stimulus_again_is_valid_again_where_restarts_are_accepted(prof
         assert results[0].quality is not Quality.VALID
 
 
+@pytest.mark.parametrize("profile", ["fd64", "classic-le"])
+def test_a_clock_that_is_set_ahead_is_valid_again_where_restarts_are_accepted(profile: str) -> None:
+    bench = Bench(profile, settings=ACCEPTING, has_state=False)
+    bench.run(range(100))
+    results = answers(bench.restarted(at=1.0, clock=2.5, counter=100, n=20))
+    assert {result.quality for result in results[:2]} == {Quality.STALE}
+    assert {result.quality for result in results[4:]} == {Quality.VALID}
+
+
 def test_an_accepted_restart_needs_cycles_in_a_row_that_fit() -> None:
     bench = Bench(settings=ACCEPTING, has_state=False)
     bench.run(range(100))

@@ -230,7 +230,7 @@ static uint32_t date_by_anchor(const SbPlan *p, SbState *s, const Sample *at, co
         return state_age(p, &s->result, &k, at->now);
     }
     SbClock *c = &s->clock;
-    c->doubt += set > 0.0 ? set : 0.0; /* while cycles are too late */
+    c->doubt += set > 0.0 && (is_late || !p->accepts) ? set : 0.0; /* while cycles are too late */
     c->n_odd = !step->goes_on || (!is_late && !c->n_odd) ? 1 : c->n_odd ? c->n_odd + 1 : 0;
     s->n_late++;
     if (c->n_odd >= p->late_limit) {
