@@ -135,6 +135,14 @@ FROZEN = (
         *("classic-le", 44, "behind a recording, whose clock was set back meanwhile"),
         [Act("freeze", 78, 135, 0.547), Act("recording", 74, 91, 0.048), Act("step back", 84, 91, 0.547)],
     ),
+    (
+        *("fd64", 61_280_383, "of whose small frame some are lost: three readings repeat by chance"),
+        [Act("freeze", 70, 81, 0.851), Act("loss", 62, 86, 0.639)],
+    ),
+    (
+        *("fd64", 61_280_537, "behind a silence, the small frame alone"),
+        [Act("freeze", 83, 94, 0.374), Act("reorder", 88, 147, 0.871), Act("silence", 75, 88, 0.22)],
+    ),
 )
 
 

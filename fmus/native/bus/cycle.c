@@ -213,13 +213,12 @@ static uint32_t add_repeats(const SbPlan *p, SbState *s, double repeated, double
     int is_broken = 0;
     const double lost = time_lost(p, s, ticks, is_young, &is_broken);
     const int has_changed = s->changed_at == s->first;
-    s->unheard = has_changed ? lost : s->unheard;
+    s->unheard = has_changed || lost > s->unheard ? lost : s->unheard;
     if (p->stuck == 0) {
         return 0;
     }
     r->age += repeated;
-    const double unheard = has_changed || repeated + doubted > 0.0 ? s->unheard : 0.0;
-    const double hidden = doubted + (unheard > 0.4 * p->cycle ? unheard : 0.0);
+    const double hidden = doubted + (s->unheard > 0.4 * p->cycle ? s->unheard : 0.0);
     if (hidden > 0.0) {
         r->uncertainty = (r->uncertainty == r->uncertainty ? r->uncertainty : 0.0) + hidden;
     }
