@@ -298,7 +298,7 @@ STEP_STD = 0.1
 """Standard deviation of the walk in one cycle, over the prior's: at 100 Hz it reaches the prior's in 1 s."""
 
 State = tuple[FloatArray, FloatArray]
-"""Mean (k, n_q) and covariance (k, n_q, n_q) of the states of k flights."""
+"""Mean (k, n_q) and covariance (k, n_q, n_q), or one for all, of the states of k flights."""
 
 
 def of_random_walk(inverse_map: InverseMap) -> EstimateReadings:
@@ -306,19 +306,13 @@ def of_random_walk(inverse_map: InverseMap) -> EstimateReadings:
     flight; its estimates are the ones after the last."""
 
     def estimate(read: Readings) -> Estimates:
-        q = np.asarray(read.known[DYNAMIC_PRESSURE])
-        ratio, state = q / inverse_map.nominal_dynamic_pressure, before_readings(inverse_map, len(q))
+        q, n = np.asarray(read.known[DYNAMIC_PRESSURE]), inverse_map.state_operator.shape[1]
+        ratio, state = q / inverse_map.nominal_dynamic_pressure, (np.zeros((len(q), n)), np.eye(n))
         for strain in np.swapaxes(read.strain, 0, 1):
             state = after_reading(inverse_map, state, strain, ratio)
         return _loads_of(inverse_map, state, q)
 
     return estimate
-
-
-def before_readings(inverse_map: InverseMap, k: int) -> State:
-    """Return the states before the first reading of ``k`` flights."""
-    n = inverse_map.state_operator.shape[1]
-    return np.zeros((k, n)), np.broadcast_to(np.eye(n), (k, n, n))
 
 
 def after_reading(inverse_map: InverseMap, state: State, strain: FloatArray, ratio: FloatArray) -> State:

@@ -312,13 +312,12 @@ def read_case(
     n, n_d = len(strain), len(gauges.station)
 
     repeats = n // len(conditions)
-    column: Column = partial(_column, conditions, repeats=repeats)
-    leeward, dynamic, inertia, how = (
-        column("leeward_roll_angle"),
-        column(DYNAMIC_PRESSURE),
-        case.inertia,
-        case.over_time,
-    )
+    inertia, how = case.inertia, case.over_time
+
+    def column(name: str) -> FloatArray:
+        return np.repeat(quantities(conditions, name), repeats)
+
+    leeward, dynamic = column("leeward_roll_angle"), column(DYNAMIC_PRESSURE)
     force = np.zeros((n, 2)) if inertia is None else inertia.force(leeward, random)
     known = navigation_at(conditions, repeats) if case.air.navigation else {}
     if case.air.parameters_percent:
@@ -438,13 +437,9 @@ def navigation_at(conditions: Sequence[FlightCondition], repeats: int = 1) -> di
 
     Each is a measurement of its own, and so is the dynamic pressure that is given with them.
     """
-    known = {name: _column(conditions, name, repeats) for name in (MACH_NUMBER, STATIC_PRESSURE, ALTITUDE)}
+    names = (MACH_NUMBER, STATIC_PRESSURE, ALTITUDE)
+    known = {name: np.repeat(quantities(conditions, name), repeats) for name in names}
     return {**known, Q_SOURCE: np.full(repeats * len(conditions), float(QSource.INDEPENDENT))}
-
-
-def _column(conditions: Sequence[FlightCondition], name: str, repeats: int) -> FloatArray:
-    """Return a quantity of each of ``conditions``, each ``repeats`` times."""
-    return np.repeat(quantities(conditions, name), repeats)
 
 
 def _with_errors(known: dict[str, Any], noise: Noise, random: np.random.Generator) -> dict[str, Any]:

@@ -22,7 +22,6 @@ from builder.trial.compared import (
     REGRESSIONS,
     ComparedWorld,
     after_reading,
-    before_readings,
     compared_estimators,
     conformal_half_width,
     knowing,
@@ -175,6 +174,7 @@ def test_one_reading_without_a_walk_is_case_2(cone: ComparedWorld, monkeypatch: 
     assert np.all(np.abs(last.value - many.truth) <= 4.0 * last.std)
     assert last.health is None
     monkeypatch.setattr(compared, "STEP_STD", 0.0)
-    mean, _ = after_reading(made, before_readings(made, 3), one.last, np.ones(3))
+    before = np.zeros_like(state), np.eye(state.shape[1])
+    mean, _ = after_reading(made, before, one.last, np.ones(3))
     expected = one.last @ state_gain(made).T + state_offset(made)
     np.testing.assert_allclose(mean, expected, atol=1e-6 * np.abs(expected).max())
