@@ -103,8 +103,8 @@ def deflected_world() -> World:
     """The same with a flow parameter, whose value is known."""
     vehicle = shape_vehicle()
     parameters = {NAME: FlowParameter(values=list(DEFLECTIONS))}
-    vehicle = with_entries(vehicle, "conditions", parameters=parameters)
     vehicle = with_entries(vehicle, "aerodynamics", engine="table", manifest="f.toml")
+    vehicle = with_entries(vehicle, "conditions", parameters=parameters)
     drawn = conditions.flown_conditions(conditions.Where(), vehicle, None, 20, np.random.default_rng(1))
     at_rest = flown_shape([replace(one, parameters=()) for one in drawn])
     flows = deflected(at_rest, np.array([one.parameters[0] for one in drawn]))
