@@ -6,7 +6,7 @@ import hashlib
 import re
 import uuid
 from collections.abc import Mapping, Sequence
-from dataclasses import astuple, dataclass, field
+from dataclasses import dataclass, field
 from functools import cached_property
 
 from strainfmu.errors import InputError
@@ -86,7 +86,7 @@ class FmuDescription:
     @cached_property
     def guid(self) -> str:
         """A name-based UUID: equal content and interface give an equal guid, any change another one."""
-        variables = [astuple(variable) for variable in self.interface]
+        variables = [tuple(vars(variable).values()) for variable in self.interface]
         content = repr((self.model_name, self.content_hash, __version__, self.fmi_version, variables))
         return f"{{{uuid.uuid5(_NAMESPACE, hashlib.sha256(content.encode()).hexdigest())}}}"
 
