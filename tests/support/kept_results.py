@@ -1,5 +1,5 @@
-"""Results that many tests compute alike, computed once: a flow, the strain per pressure of a wall, where a
-surface cuts itself.
+"""Results that many tests compute alike, computed once: a flow, the strain per pressure of a wall, of the map's
+wall as built too, and where a surface cuts itself.
 
 All are functions of their arguments alone, as long as no test changes a constant of their modules. The first
 process that calls one computes it, as the product does; the result is kept on disk by the arguments, for all
@@ -25,11 +25,13 @@ import numpy as np
 
 from builder.aero import shapes
 from builder.aero.engines import euler
+from builder.structure.as_built import revolved
 from builder.structure.fourier import strain_operator
 from strainfmu.errors import FlowReachError
 
 SOLVE_FLOW, RESPONSE_OF_ROWS = euler.solve_flow, strain_operator.response_of_rows
-PIERCED_PLACES = shapes.pierced_places
+REVOLVED_TABLE, PIERCED_PLACES = revolved.revolved_table, shapes.pierced_places
+FUNCTIONS = SOLVE_FLOW, RESPONSE_OF_ROWS, REVOLVED_TABLE, PIERCED_PLACES
 
 ROOT = Path(__file__).parents[2]
 PACKAGES = ("builder", "strainfmu")
@@ -65,8 +67,7 @@ def folder_of_sources(parent: Path) -> Path:
 
     Machine code of numba counts by its date: it may be of older sources until it is deleted.
     """
-    functions = SOLVE_FLOW, RESPONSE_OF_ROWS, PIERCED_PLACES
-    sources = sorted(imported_sources(function.__module__ for function in functions))
+    sources = sorted(imported_sources(function.__module__ for function in FUNCTIONS))
     state = [sys.version, os.environ.get("NUMBA_DISABLE_JIT"), *map(version, LIBRARIES)]
     state += [sha256(file.read_bytes()).hexdigest() for file in sources]
     compiled = {code for file in sources for code in (file.parent / "__pycache__").glob("*.nbi")}
@@ -100,7 +101,7 @@ def cached(folder: Path, arguments: object, compute: Callable[[], Any]) -> Any:
 
 @contextmanager
 def kept_results(folder: Path) -> Iterator[None]:
-    """Keep flows of bodies of revolution, strain per pressure of the Fourier model and self-intersections."""
+    """Keep flows of bodies of revolution, strain per pressure of Fourier models and self-intersections."""
     folder.mkdir(parents=True, exist_ok=True)
 
     def flow(*arguments: Any) -> Any:
@@ -120,25 +121,30 @@ def kept_results(folder: Path) -> Iterator[None]:
             progress(max_harmonic + 1, max_harmonic + 1)
         return solved
 
+    def table(walled: Any, nominal: Any, x: Any, surface: Any, kinds: Any, wall_step: Any) -> Any:
+        given = walled, nominal, x, surface, sorted(kinds), wall_step
+        return cached(folder, given, lambda: REVOLVED_TABLE(walled, nominal, x, surface, kinds, wall_step))
+
     def pierced(mesh: Any) -> Any:
         return cached(folder, ("pierced", mesh.point, mesh.triangle), lambda: PIERCED_PLACES(mesh))
 
-    with _in_place(flow, response, pierced):
+    with _in_place(flow, response, table, pierced):
         yield
 
 
 @contextmanager
 def computed_results() -> Iterator[None]:
     """Compute all of them as the product does, for tests of the functions themselves, which change constants."""
-    with _in_place(SOLVE_FLOW, RESPONSE_OF_ROWS, PIERCED_PLACES):
+    with _in_place(*FUNCTIONS):
         yield
 
 
 @contextmanager
-def _in_place(solve_flow: Any, response_of_rows: Any, pierced_places: Any) -> Iterator[None]:
+def _in_place(solve_flow: Any, response_of_rows: Any, revolved_table: Any, pierced_places: Any) -> Iterator[None]:
     with (
         patch.object(euler, "solve_flow", solve_flow),
         patch.object(strain_operator, "response_of_rows", response_of_rows),
+        patch.object(revolved, "revolved_table", revolved_table),
         patch.object(shapes, "pierced_places", pierced_places),
     ):
         yield
