@@ -11,7 +11,6 @@ from flight_maps import ROWS, STATIONS, exact_response, flight_map
 from scaled_maps import scaled_map
 from synthetic_vehicle import SyntheticFiles
 
-from strainfmu.cosim.estimators.source import open_step
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import save_inverse_map
 from strainfmu.flight_condition import FlightCondition
@@ -64,16 +63,6 @@ def test_air_data_are_columns(map_path: Path, tmp_path: Path) -> None:
         assert np.all(file["identified.air_data.total_incidence"][()] == 1.0)
     true = np.array([one.angle_of_attack for one in flights()])
     assert np.all(np.abs(angle - true) < 4.0 * std)
-
-
-def test_a_map_with_tables_steps_from_the_last_state(map_path: Path) -> None:
-    with open_step(map_path) as ready:
-        for one, strain in zip(flights(), strains(), strict=True):
-            found = ready.step(
-                strain, one.dynamic_pressure, 0.01, mach_number=one.mach_number, altitude=one.altitude
-            )
-            assert found.health == 0
-            assert np.all(found.coefficients_std > 0.0)
 
 
 def write_flights(path: Path, strain: np.ndarray, condition: FlightCondition) -> Path:
@@ -135,24 +124,6 @@ def test_a_caller_that_holds_the_lock_of_h5py_waits_for_nothing(map_path: Path, 
     caller.join(timeout=60.0)
     assert not caller.is_alive()
     assert (tmp_path / "time.h5").is_file()
-
-
-def test_a_filtered_linear_map_gives_columns_too(tmp_path: Path) -> None:
-    held = scaled_map(2, 1, N_D)
-    save_inverse_map(held, tmp_path / "linear.h5")
-    strain = held.mean_strain + 1e-6 * np.random.default_rng(0).standard_normal((20, N_D))
-    data = write_flights(tmp_path / "flight.h5", strain, flights()[0])
-    for smooth in (False, True):
-        estimate_file(
-            tmp_path / "linear.h5",
-            data,
-            tmp_path / "out.csv",
-            dynamic_pressure=held.nominal_dynamic_pressure,
-            accept_strain_level=True,
-            filter_seconds=1.0,
-            smooth=smooth,
-        )
-        assert len((tmp_path / "out.csv").read_text(encoding="utf-8").splitlines()) == 21
 
 
 def test_smoothing_needs_a_filter_and_a_filter_a_map(map_path: Path, tmp_path: Path) -> None:

@@ -9,7 +9,6 @@ from deflected_shape import NAME, known_map
 from shape_case import N_D
 
 from strainfmu.errors import InputError
-from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.flight_tables import evaluate
 from strainfmu.estimator.map.inverse_map import save_inverse_map
 from strainfmu.estimator.map.nonlinear_map import with_known
@@ -48,17 +47,6 @@ def estimated(folder: Path, columns: dict[str, float], source: str = "map.h5", *
     estimate_file(folder / source, folder / "flight.csv", folder / "loads.csv", **options)
     table = np.genfromtxt(folder / "loads.csv", delimiter=",", names=True, deletechars="", replace_space=" ")
     return np.array([table["M_R [1]"], table["sigma.M_R [1]"]])
-
-
-@pytest.mark.parametrize("source", ["map.h5", "e.fmu"])
-def test_a_column_of_deviations_sharpens(source: str, tmp_path: Path) -> None:
-    alone = estimated(tmp_path, {NAME: 1.0}, source)
-    found = estimated(tmp_path, {NAME: 1.0, f"{NAME}_std": 0.05}, source)
-    assert np.all(found[1] < 0.7 * alone[1])
-    one = Estimator(known_map()).step(
-        readings(), Q, mach_number=6.5, q_source="independent", parameters={NAME: 1.0}, parameters_std={NAME: 0.05}
-    )
-    np.testing.assert_allclose(found[:, -1], [one.M_R, one.other_coefficients_std[0]], rtol=1e-4)
 
 
 @pytest.mark.parametrize("smooth", [False, True])

@@ -145,12 +145,6 @@ def test_all_three_at_once_and_a_filter(tmp_path: Path) -> None:
     np.testing.assert_allclose(numbers(filtered), expected(**flow), rtol=1e-3, atol=1e-6)
 
 
-def test_an_fmu_takes_the_same(tmp_path: Path, fmu: Path) -> None:
-    flow = {"mach_number": MACH, "mach_number_std": 0.2, "static_pressure": STATIC}
-    table, _ = estimated(tmp_path, flow, fmu)
-    np.testing.assert_allclose(numbers(table), expected(**flow), rtol=1e-4, atol=1e-9)
-
-
 def test_a_negative_deviation_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="'static_pressure_std', line 2: expected at least 0, got -1"):
         estimated(tmp_path, {"mach_number": MACH, "static_pressure": STATIC, "static_pressure_std": -1.0})

@@ -16,12 +16,10 @@ from sensor_maps import LARGEST, ROWS, with_sensors
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
-from strainfmu.estimator.gauge_zeros import GaugeZeros
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap, save_inverse_map
 from strainfmu.fmu.export import ExportOptions, export_estimator
 from strainfmu.interface.sensor_variables import PREFIX, sensor_names
 from strainfmu.recorded.run import estimate_file
-from strainfmu.recorded.tare_window import tare
 
 pytestmark = pytest.mark.fast
 
@@ -241,21 +239,6 @@ def test_channels_of_a_recorder(folder: Path, tmp_path: Path) -> None:
     )
     with pytest.raises(InputError, match=r"expected a sensor of the map, port_0deg, .*, got 'gyro'"):
         estimate_file(folder / "map.h5", data, tmp_path / "o.csv", NOMINAL, channels=channels)
-
-
-def test_zeros_and_tare_are_those_of_the_gauges(tmp_path: Path) -> None:
-    held, random = with_sensors(plain_map()), np.random.default_rng(5)
-    n = held.n_strain_gauges
-    zero = 1e-5 * random.normal(size=n)
-    strain = zero + 0.1 * held.noise_std[:n] * random.normal(size=(200, n))
-    headings = ["time", *held.gauge_names[:n], "dynamic_pressure", COLUMNS[0]]
-    write_csv(tmp_path / "t.csv", headings, 1e-3 * np.arange(200), strain, np.zeros(200), np.full(200, 1e5))
-    save_inverse_map(held, tmp_path / "tare.h5")
-    found = tare(tmp_path / "tare.h5", tmp_path / "t.csv", (0.0, 0.2), tmp_path / "zeros.toml", accept=True)
-    np.testing.assert_allclose(found.zeros.value, strain.mean(axis=0), atol=1e-12)
-    assert not found.faults
-    with pytest.raises(InputError, match=f"zeros: expected {n} values, got {N}"):
-        Estimator(held, zeros=GaugeZeros(value=np.zeros(N), std=np.zeros(N)))
 
 
 def test_a_unit_is_refused(folder: Path, tmp_path: Path) -> None:

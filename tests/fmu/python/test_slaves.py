@@ -135,7 +135,7 @@ def _misuse(host: Host, reads: bool) -> None:
     np.testing.assert_array_equal(host.get(COEFFICIENTS), before_initialization)
 
 
-@pytest.mark.parametrize("kind", ["native", "python", "plant"])
+@pytest.mark.parametrize("kind", ["python", "plant"])
 def test_a_state_can_be_kept_and_put_back(kind: str, fmus: dict[str, Path], tmp_path: Path) -> None:
     with loaded(fmus[kind], tmp_path / "unzipped") as host:
         _keep_and_put_back(host, can_be_set=kind != "plant")
