@@ -81,7 +81,7 @@ class StrainEncoder:
         self.trip, self.session = self.trip + 1, (self.session + 1) % _SESSIONS
         self._heard, self._ticks = None, {}
 
-    def hear(self, answered: int, counter: int, when: float) -> None:
+    def hear(self, answered: int, counter: int, when: float, sample_time: int | None = None) -> None:
         """Record that a result was heard.
 
         Parameters
@@ -89,8 +89,11 @@ class StrainEncoder:
         answered : counter of the cycle that it answers; a result of silence answers none.
         counter : of the result itself.
         when : sender's clock [s].
+        sample_time : of the strains, as the result states it [ticks]; None where its form has none. A result
+            that comes after 256 cycles answers an earlier one, and is not named.
         """
-        if (ticks := self._ticks.get(answered)) is not None:
+        ticks = self._ticks.get(answered)
+        if ticks is not None and sample_time in (None, ticks):
             self._heard = counter, ticks, when
 
     def encode(

@@ -63,11 +63,15 @@ class Answers:
     Parameters
     ----------
     layouts : of the result frames, in any form.
-    on_answer : called with the counter of the cycle that a result answers, and the result's own.
+    on_answer : called with the counter of the cycle that a result answers, the result's own, and the sample time
+        that it states [ticks], None where its form has none.
     """
 
     def __init__(
-        self, bus: Any, layouts: Sequence[FrameLayout], on_answer: Callable[[int, int], None] = lambda *_: None
+        self,
+        bus: Any,
+        layouts: Sequence[FrameLayout],
+        on_answer: Callable[[int, int, int | None], None] = lambda *_: None,
     ) -> None:
         self._bus, self._on_answer = bus, on_answer
         answering = [layout for layout in layouts if layout.cycle_time is not None]
@@ -106,8 +110,10 @@ class Answers:
         if identifier == self._last:
             self.results.append(dict(self._values))
             # A classic result always names a cycle; one that answers none names none that the bridge knows.
-            if isfinite(self._values.get("SampleTime", 0.0)):
-                self._on_answer(int(self._values[_ANSWERED]), int(values[self._counter]))
+            sampled = self._values.get("SampleTime")
+            if sampled is None or isfinite(sampled):
+                ticks = None if sampled is None else int(sampled)
+                self._on_answer(int(self._values[_ANSWERED]), int(values[self._counter]), ticks)
 
     def finish(self) -> list[dict[str, float]]:
         """End the thread and return all results."""
@@ -196,9 +202,9 @@ class Sender:
         self._layout, self._encoder, self._clock = layout, StrainEncoder(layout, trip), clock
         self.start = clock()
 
-    def hear(self, answered: int, counter: int) -> None:
+    def hear(self, answered: int, counter: int, sample_time: int | None = None) -> None:
         """Take in that a result was heard just now, as of :meth:`StrainEncoder.hear`; any thread may say so."""
-        self._encoder.hear(answered, counter, self._clock() - self.start)
+        self._encoder.hear(answered, counter, self._clock() - self.start, sample_time)
 
     def cycle(
         self, number: int, time: float, strain: FloatArray, dynamic_pressure: float, **inputs: Any

@@ -94,8 +94,12 @@ def test_two_hundred_thousand_cycles() -> None:
 @pytest.mark.parametrize("profile", PROFILES)
 @pytest.mark.parametrize(
     "act",
-    [Act("steps with delay", 60, 160, 0.95), Act("restart under delay", 60, 65, 0.3)],
-    ids=lambda act: act.kind,
+    [
+        Act("steps with delay", 60, 160, 0.95),
+        Act("restart under delay", 60, 65, 0.3),
+        Act("restart under delay", 60, 65, 0.521),  # 260 cycles: counters of 8 bits come round
+    ],
+    ids=lambda act: f"{act.kind} {act.size:g}",
 )
 def test_whatever_clocks_do_an_age_is_at_most_the_time_since_the_result_that_was_heard(
     profile: str, act: Act

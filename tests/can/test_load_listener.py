@@ -49,8 +49,8 @@ class Rig:
         self.ears = can.Bus(interface="virtual", channel=channel)
         self.answers = Answers(self.ears, results, self.hear)
 
-    def hear(self, answered: int, counter: int) -> None:
-        self.encoder.hear(answered, counter, time.monotonic() - self.start)
+    def hear(self, answered: int, counter: int, sample_time: int | None = None) -> None:
+        self.encoder.hear(answered, counter, time.monotonic() - self.start, sample_time)
 
     def send(self) -> None:
         strain = self.strain + 2e-6 * self.random.normal(size=len(self.strain))

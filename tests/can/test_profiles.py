@@ -66,6 +66,17 @@ def record() -> list[list[str]]:
     return rows
 
 
+def test_a_result_that_comes_after_counters_have_come_round_is_not_named() -> None:
+    """A delay of 256 cycles looked like none: the result answers a cycle of the same counter before."""
+    encoder, strain = StrainEncoder(layout_of("fd64", 2), session=1), np.zeros(len(GAUGES))
+    for cycle in range(257):
+        encoder.encode(strain, 1e4, cycle, 0.01 * cycle)
+    for sample_time, named in ((0, 0xFFFF_FFFF), (2_560_000, 2_560_000)):
+        encoder.hear(0, 9, 2.565, sample_time)
+        state = encoder.encode(strain, 1e4, 257, 2.57)[0]
+        assert int.from_bytes(state.data[8:12], "little") == named
+
+
 @pytest.mark.parametrize("profile", [f"{one} {version}" for one in PROFILES for version in (1, 2)])
 def test_frames_are_those_on_record(profile: str) -> None:
     with RECORD.open(newline="") as file:

@@ -182,7 +182,8 @@ class Scenario:
         else:
             layout = profile_layout(profile, NAMES, cycle_time=PERIOD, identifiers=Identifiers(), key=key)
         step = Projection(N_GAUGES)
-        self.core: Machine = Machine(layout, step, settings, start=0.0)
+        self.modulus = 15 if profile == "classic-le" else 256  # of the counter of its results
+        self.core: Machine = Machine(layout, step, settings, start=0.0, counters=(0, self.modulus))
         self.is_fd = profile != "classic-le"
         self.random = np.random.default_rng(seed)
         self.bus = Bus(self.random, DocumentedSender(profile, NAMES, PERIOD, session=session))
@@ -425,9 +426,10 @@ class Scenario:
 
     def judge_all(self, results: list[Result], number: int) -> None:
         for result in results:
-            counter = next(self.answered) % 256
-            if self.bus.is_on and result.counter is not None:
-                self.bus.sender.hear(result.counter, counter, result.time + self.bus.clock)
+            counter = next(self.answered) % self.modulus
+            if self.bus.is_on and result.counter is not None and result.sample_time is not None:
+                heard = result.time + self.bus.clock
+                self.bus.sender.hear(result.counter, counter, heard, result.sample_time)
             self.judge(result, number)
 
     def judge(self, result: Result, number: int) -> None:

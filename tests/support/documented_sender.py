@@ -60,9 +60,14 @@ class DocumentedSender:
     def __post_init__(self) -> None:
         self.configured = configuration(self.profile, self.names)
 
-    def hear(self, answered: int, counter: int, clock: float) -> None:
-        """Take in that the result number ``counter`` was heard, which answers the cycle ``answered``."""
-        if answered in self.ticks:
+    def hear(self, answered: int, counter: int, clock: float, sample_time: int) -> None:
+        """Take in that the result number ``counter`` was heard, which answers the cycle ``answered``.
+
+        A classic result has no place for the sample time of its strains.
+        """
+        if self.profile != "classic-le":
+            self.heard = counter, sample_time, clock
+        elif answered in self.ticks:
             self.heard = counter, self.ticks[answered], clock
 
     def start(self) -> None:

@@ -112,6 +112,18 @@ static void tick(Node *sender, size_t port, double time) {
     }
 }
 
+/* Whether a result states the sample time of a cycle, where it states any: one that comes after CYCLES answers an earlier one. */
+static int is_of_cycle(const Node *sender, double sampled, int64_t stated) {
+    const SbSignal *sent = sender->table[SENT];
+    const SenderSource *source = sender->table[SOURCE];
+    for (int64_t k = 0; k < sender->setup->table[SOURCE].count; k++) {
+        if (source[k].from == SAMPLE_TIME) {
+            return ticks_of(sampled, source[k].value, sent + k) == (double)stated;
+        }
+    }
+    return 0;
+}
+
 /* A result: which cycle it answers. */
 static void take_answer(Node *sender, const Heard *heard, double time) {
     const SenderSetup *e = setup_of(sender);
@@ -126,8 +138,12 @@ static void take_answer(Node *sender, const Heard *heard, double time) {
     if ((n_answer > 2 && raw[2] == answer[2].none) || s->cycle <= (uint64_t)raw[0]) {
         return;
     }
+    const double sampled = s->sampled[raw[0] % CYCLES];
+    if (n_answer > 2 && !is_of_cycle(sender, sampled, raw[2])) {
+        return;
+    }
     s->heard_counter = (double)raw[1];
-    s->heard_sample = s->sampled[raw[0] % CYCLES];
+    s->heard_sample = sampled;
     s->heard_at = time;
     s->link.counter[PORT_USED]++;
 }
