@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from fmu_host import OPTIONS
 from published_run import FOLDER, check_published_run, published_run
+from whole_maps import MAPS
 
 from strainfmu.fmu.checks.importers import read_table, run_fmpy
 from strainfmu.interface.fmi_variables import COEFFICIENTS
@@ -60,14 +61,18 @@ def test_all_kinds_publish_one_run(fmus: dict[str, Path], flights: dict[str, Pat
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("map_name", ["linear", "flight"])
+@pytest.mark.parametrize("map_name", ["of form absolute", *MAPS])
 def test_the_fmu_gives_its_run(
-    fmus: dict[str, Path], flights: dict[str, Path], tmp_path: Path, kind: str, map_name: str
+    fmus: dict[str, Path],
+    whole_fmus: Callable[[str], dict[str, Path]],
+    tmp_path: Path,
+    kind: str,
+    map_name: str,
 ) -> None:
     """Through FMPy, to the 6 digits of the file."""
     import fmpy
 
-    path = (fmus if map_name == "linear" else flights)[kind]
+    path = (whole_fmus(map_name) if map_name in MAPS else fmus)[kind]
     folder = Path(fmpy.extract(str(path), str(tmp_path))) / FOLDER
     found, expected = (
         run_fmpy(path, read_table(folder / "reference_in.csv")),
@@ -79,7 +84,7 @@ def test_the_fmu_gives_its_run(
         np.testing.assert_allclose(found[name], rows, rtol=0.0, atol=1e-5 * size, err_msg=name)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", ["native", "native_3", "scalars"])  # that of kind python is the native one
 def test_the_command_of_fmpy_reads_the_example(fmus: dict[str, Path], tmp_path: Path, kind: str) -> None:
     """All but an array next to scalars, which FMPy's ``read_csv`` reads and its simulation refuses."""
     import fmpy
