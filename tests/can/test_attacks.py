@@ -159,6 +159,14 @@ def test_a_frozen_sender_is_not_used_beyond_the_largest_age(
     assert found.beyond == [], what
 
 
+def test_a_recording_that_seems_to_go_on_names_results_of_before() -> None:
+    """Meanwhile the clock was set back by as much as the counter needs to come round."""
+    acts = [Act("recording", 77, 97, 0.05), Act("step back", 73, 105, 0.92346), Act("creep", 65, 96, 0.6015)]
+    found = run_scenario("fd64", 61_290_286, acts)
+    assert_nothing_false(found)
+    assert found.beyond == []
+
+
 @pytest.mark.parametrize("profile", ["fd64", "classic-le"])
 @pytest.mark.parametrize("n_recorded", sweep([4, 8, 20], [8]))
 def test_a_recorded_start_does_not_make_the_sender_behind_it_old(profile: str, n_recorded: int) -> None:

@@ -333,6 +333,7 @@ void forget_sender(const SbPlan *plan, SbState *state);
 typedef struct {
     int is_named, is_known;                       /* the state names a result; this bridge has sent it lately */
     double ready, delay, unseen;
+    int64_t ticks;                                /* sample time that the result answers */
 } Echo;
 
 int64_t ticks_ahead(int64_t ticks, int64_t than, int bits);

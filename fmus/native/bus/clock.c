@@ -194,7 +194,10 @@ static uint32_t date_by_echo(const SbPlan *p, SbState *s, const Sample *at, cons
         k.lower = k.upper;
         k.has_lower = k.is_assumed = 1;
     }
-    if (k.has_lower && !k.is_assumed && k.lower > k.upper + EPSILON) { /* a step that no counter has shown: this cycle's bounds hold */
+    /* The strains that the result answers had come when it was ready: a recording that seems to go on names an older one. */
+    const double came = echo->ready - k.source + at->tick * (double)ticks_ahead(at->ticks, echo->ticks, at->bits);
+    const int is_older = echo->is_known && k.lower > came + p->cycle;
+    if (k.has_lower && !k.is_assumed && (is_older || k.lower > k.upper + EPSILON)) { /* no counter has shown it: only this cycle's hold */
         k.upper = arrived;
         k.lower = echo->is_known ? echo->ready - k.source : -INFINITY;
         k.has_lower = echo->is_known;

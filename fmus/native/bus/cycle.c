@@ -138,7 +138,7 @@ static void measure_period(const SbPlan *p, SbState *s, double since, int steps)
 
 /* What the sender has heard by its state; nothing if the result that it names was not sent by this bridge. */
 static Echo echo_of(const SbPlan *p, const SbState *s) {
-    Echo echo = {0, 0, 0.0, 0.0, 0.0};
+    Echo echo = {0, 0, 0.0, 0.0, 0.0, 0};
     if (p->state < 0 || !slots_of(s)[p->state].here) {
         return echo;
     }
@@ -155,7 +155,7 @@ static Echo echo_of(const SbPlan *p, const SbState *s) {
         const SbAnswer *a = &s->answer[(s->n_answers + SB_ANSWERS - k) % SB_ANSWERS];
         if (a->ticks == ticks && a->counter == counter) {
             const double known = signal_is_code(p, delay, late) ? 0.0 : signal_value(delay, late) * delay->factor;
-            return (Echo){1, 1, a->ready, known, a->unseen};
+            return (Echo){1, 1, a->ready, known, a->unseen, ticks};
         }
     }
     return echo;
