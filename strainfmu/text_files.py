@@ -74,13 +74,16 @@ def read_toml(path: Path) -> dict[str, Any]:
 def read_csv(path: Path, largest: int = LARGEST) -> list[tuple[int, list[str]]]:
     """Return the rows of a CSV file with their line numbers; empty lines are left out.
 
+    Cells are apart by the comma, semicolon or tab that the first line has most of.
+
     Raises
     ------
     InputError
         As :func:`read_text`, or it is no CSV file.
     """
     text = read_text(path, "CSV file", largest)
-    reader = csv.reader(io.StringIO(text, newline=""))
+    heading = next((line for line in text.splitlines() if line.strip()), "")
+    reader = csv.reader(io.StringIO(text, newline=""), delimiter=max(",;\t", key=heading.count))
     try:
         return [(reader.line_num, row) for row in reader if row]
     except csv.Error as error:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -170,3 +171,41 @@ def test_wrong_entries_are_refused_in_one_line(tmp_path: Path, old: str, new: st
     path.write_text(path.read_text().replace(old, new, 1))
     with pytest.raises(InputError, match=said):
         fitted(path)
+
+
+@pytest.mark.parametrize(("separator", "mark"), [(";", ","), (";", "."), ("\t", ","), ("\t", ".")])
+def test_separators_and_decimal_commas_change_no_number(tmp_path: Path, separator: str, mark: str) -> None:
+    path = written(tmp_path, 9)
+    table, expected = tmp_path / "test.csv", applied_test(equations_file(path))
+    table.write_text(table.read_text().replace(",", separator).replace(".", mark), encoding="utf-8-sig")
+    read = applied_test(equations_file(path))
+    np.testing.assert_array_equal(read.strain, expected.strain)
+    np.testing.assert_array_equal(read.load, expected.load)
+    np.testing.assert_array_equal(read.is_check, expected.is_check)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        (lambda row: ",".join(row.split(",")[:3]), "line 3: g2: expected a number, got ''"),
+        (lambda row: row.replace(row.split(",")[2], "nan"), "line 3: g1: expected a number, got 'nan'"),
+        (lambda row: row.replace(row.split(",")[2], "OVLD"), "line 3: g1: expected a number, got 'OVLD'"),
+        (lambda row: row.replace(row.split(",")[2], "1e999"), "line 3: g1: expected a number, got '1e999'"),
+    ],
+)
+def test_rows_that_are_short_or_hold_no_number_are_refused(
+    tmp_path: Path, wrong: Callable[[str], str], said: str
+) -> None:
+    path, table = written(tmp_path, 9), tmp_path / "test.csv"
+    rows = table.read_text().splitlines()
+    table.write_text("\n".join([*rows[:2], wrong(rows[2]), *rows[3:]]))
+    with pytest.raises(InputError, match=said):
+        applied_test(equations_file(path))
+
+
+def test_columns_of_one_name_are_refused(tmp_path: Path) -> None:
+    path, table = written(tmp_path, 9), tmp_path / "test.csv"
+    table.write_text(table.read_text().replace("g8", "g7", 1))
+    path.write_text(path.read_text().replace(', "g8"', ""))
+    with pytest.raises(InputError, match="expected one column 'g7'"):
+        applied_test(equations_file(path))

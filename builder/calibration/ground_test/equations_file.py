@@ -16,6 +16,7 @@ from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.other_loads import BODY, SECTIONS
 from strainfmu.estimator.signal_names import LOAD_NAMES, LOAD_UNITS
+from strainfmu.text_cells import Numerals
 from strainfmu.text_files import read_csv
 
 FORCES = {"N": 1.0, "kN": 1e3, "kgf": 9.80665, "lbf": 4.4482216152605}
@@ -154,34 +155,43 @@ def applied_test(file: EquationsFile) -> AppliedTest:
     Raises
     ------
     InputError
-        A column is missing, or a value is no number.
+        A column is missing or there twice, or a value is no number.
     """
     path, entries = file.beside(file.readings.table), file.readings
     rows = read_csv(path)
     if len(rows) < 2:
         raise InputError(f"{path}: expected a heading and rows of readings, got {len(rows)} rows")
     heading = [name.strip() for name in rows[0][1]]
-    wanted = [*entries.gauges, *(load.column for load in file.load), *([entries.check] if entries.check else [])]
-    missing = [name for name in wanted if name not in heading]
-    if missing:
-        raise InputError(f"{path}: expected a column '{missing[0]}', got {', '.join(heading)}")
+    numbers = [*entries.gauges, *(load.column for load in file.load)]
+    wanted = [*numbers, *([entries.check] if entries.check else [])]
+    for name in wanted:
+        if heading.count(name) != 1:
+            what = "a column" if name not in heading else "one column"
+            raise InputError(f"{path}: expected {what} '{name}', got {', '.join(heading)}")
+    cells = {
+        name: [row[place].strip() if (place := heading.index(name)) < len(row) else "" for _, row in rows[1:]]
+        for name in wanted
+    }
+    numerals = Numerals("")
+    numerals.learn(cell for name in numbers for cell in cells[name])
 
     def column(name: str) -> FloatArray:
-        place, values = heading.index(name), np.zeros(len(rows) - 1)
-        for number, (line, row) in enumerate(rows[1:]):
+        values = np.zeros(len(rows) - 1)
+        for number, ((line, _), cell) in enumerate(zip(rows[1:], cells[name], strict=True)):
             try:
-                values[number] = float(row[place])
-            except (ValueError, IndexError):
-                got = row[place] if place < len(row) else "nothing"
-                raise InputError(f"{path}: line {line}: {name}: expected a number, got '{got}'") from None
+                values[number] = numerals.number(cell)
+            except ValueError as error:
+                raise InputError(f"{path}: line {line}: {name}: {error}, got '{cell}'") from None
+            if not np.isfinite(values[number]):
+                raise InputError(f"{path}: line {line}: {name}: expected a number, got '{cell}'")
         return values
 
+    marked = cells[entries.check] if entries.check else [""] * (len(rows) - 1)
     scales = [(MOMENTS | FORCES)[load.unit] for load in file.load]
-    marks = [row[heading.index(entries.check)].strip() for _, row in rows[1:]] if entries.check else []
     return AppliedTest(
         file=file,
         strain=STRAINS[entries.unit] * np.column_stack([column(name) for name in entries.gauges]),
         load=np.column_stack([scale * column(load.column) for scale, load in zip(scales, file.load, strict=True)]),
-        is_check=np.array([mark not in ("", "0") for mark in marks] or [False] * (len(rows) - 1)),
+        is_check=np.array([mark not in ("", "0") for mark in marked]),
         line=tuple(line for line, _ in rows[1:]),
     )
