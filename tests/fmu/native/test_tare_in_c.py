@@ -210,6 +210,23 @@ def test_derivatives_by_zeros_are_those_of_zeros_in_use(small: NativeCase) -> No
     assert not one.fmu.derivative(VALUES, zeros, direction).any()
 
 
+def test_a_state_within_a_window_goes_on_in_another_instance(small: NativeCase) -> None:
+    one, other = tared(small), tared(small)
+    strain = readings(one.held, 200)
+    for row in strain[:90]:
+        one.step(row)
+    status, state = other.fmu.deserialise(one.fmu.serialise(one.fmu.get_state()))
+    assert status == OK
+    assert other.fmu.call("SetFMUstate", state) == OK
+    assert other.state == TareState.AVERAGING
+    other.window = [*one.window]
+    for each in (one, other):
+        each.take(strain[90:])
+        each.check()
+    assert one.zeros.tobytes() == other.zeros.tobytes()
+    assert one.fmu.outputs().tobytes() == other.fmu.outputs().tobytes()
+
+
 @pytest.mark.parametrize(
     "wrong", [(0, 4.0), (1, 0.5), (2, 2.0), (3, -1.0), (4, 1.0), (5, 0.0), (6, 32.0), (7, 1.0), (8, 0.06)]
 )
