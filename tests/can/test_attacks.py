@@ -167,6 +167,13 @@ def test_a_recording_that_seems_to_go_on_names_results_of_before() -> None:
     assert found.beyond == []
 
 
+def test_of_results_that_look_alike_the_oldest_is_named() -> None:
+    """`Verdict` of classic-le counts to 15: a recording of this run names results of both times."""
+    found = run_scenario("classic-le", 61_310_467, [Act("same stimulus again", 60, 97, 0.681)])
+    assert_nothing_false(found)
+    assert found.n_valid > 50
+
+
 @pytest.mark.parametrize("profile", ["fd64", "classic-le"])
 @pytest.mark.parametrize("n_recorded", sweep([4, 8, 20], [8]))
 def test_a_recorded_start_does_not_make_the_sender_behind_it_old(profile: str, n_recorded: int) -> None:

@@ -136,7 +136,8 @@ static void measure_period(const SbPlan *p, SbState *s, double since, int steps)
     s->n_intervals = 0;
 }
 
-/* What the sender has heard by its state; nothing if the result that it names was not sent by this bridge. */
+/* What the sender has heard by its state; nothing if the result that it names was not sent by this bridge. Of results that
+   look alike, whose counters have few bits, the oldest: a recording of this run may name it. */
 static Echo echo_of(const SbPlan *p, const SbState *s) {
     Echo echo = {0, 0, 0.0, 0.0, 0.0, 0};
     if (p->state < 0 || !slots_of(s)[p->state].here) {
@@ -151,8 +152,8 @@ static Echo echo_of(const SbPlan *p, const SbState *s) {
         return echo;
     }
     echo.is_named = 1;
-    for (int k = 1; k <= SB_ANSWERS; k++) { /* the newest first */
-        const SbAnswer *a = &s->answer[(s->n_answers + SB_ANSWERS - k) % SB_ANSWERS];
+    for (int k = 0; k < SB_ANSWERS; k++) { /* the oldest first */
+        const SbAnswer *a = &s->answer[(s->n_answers + k) % SB_ANSWERS];
         if (a->ticks == ticks && a->counter == counter) {
             const double known = signal_is_code(p, delay, late) ? 0.0 : signal_value(delay, late) * delay->factor;
             return (Echo){1, 1, a->ready, known, a->unseen, ticks};
