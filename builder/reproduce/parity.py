@@ -179,7 +179,7 @@ def _loads(studies: Studies) -> str:
         "The source states neither the moment point nor the internal pressure. The columns follow its words: p "
         "itself over the open fore-body, here with moments about the nose tip. On the converged model the "
         f"largest error of M_P is then {ours[moment, 0]:.1f} %, and {ours[moment, 3]:.0f} % about the vehicle "
-        f"file's point, which is near the centre of pressure. That of C_A is {ours[axial, 0]:.1f} %, and "
+        f"file's point, which is near the centre of pressure. The error of C_A is {ours[axial, 0]:.1f} %, and "
         f"{ours[axial, 3]:.0f} % with p - p_internal, of which the same error is a larger fraction."
     )
 

@@ -65,5 +65,5 @@ class LinearFmu(Fmu2):
         return self.all_outputs()
 
     def all_outputs(self) -> np.ndarray:
-        """Those of every map: a linear one has no others."""
+        """The outputs of any map: a linear one has no others."""
         return self.outputs()

@@ -9,7 +9,7 @@ of its samples. Samples at the largest or the smallest value are railed where th
 with a probability below :data:`CHANCE`, and the mean over their window is wrong. A window of one value alone is
 frozen by the same rule. A channel that takes each value several times, as one that is slower than the recording,
 has as many fewer samples. A channel that stands still throughout has no noise of its own: it is judged by the
-median of the others. Where none has noise, nothing is found.
+median of the others. Where none has noise, no channel is named.
 """
 
 from __future__ import annotations
@@ -53,22 +53,22 @@ class Steadiness:
     Attributes
     ----------
     place : (k,) medians of the windows in which it scatters [m/m].
-    most : (k,) largest fraction of the samples that one value takes there [1]. Resolutions of numbers with so many
+    largest_fraction : (k,) of the samples that one value takes there [1]. Resolutions of numbers with so many
         digits differ with their size, so that each window has its own.
     repeats : samples in a row that are of one value, on the average.
     """
 
     place: FloatArray
-    most: FloatArray
+    largest_fraction: FloatArray
     repeats: float
 
     def too_many(self, value: float, samples: FloatArray) -> bool:
         """Return whether ``samples`` (n,) equal ``value`` [m/m] more often than readings of a sound channel do."""
-        most = float(self.most[int(np.abs(self.place - value).argmin())])
+        fraction = float(self.largest_fraction[int(np.abs(self.place - value).argmin())])
         repeated = int(np.sum(samples == value) / self.repeats)
         independent = int(np.ceil(len(samples) / self.repeats))
         # The first sample may be anywhere; the others must meet it.
-        return repeated > 1 and float(bdtrc(repeated - 2, independent - 1, most)) < CHANCE
+        return repeated > 1 and float(bdtrc(repeated - 2, independent - 1, fraction)) < CHANCE
 
 
 def channel_faults(strain: FloatArray, windows: Sequence[FloatArray]) -> list[ChannelFault]:
@@ -132,7 +132,7 @@ def _steadiness(strain: FloatArray, windows: Sequence[FloatArray]) -> list[Stead
         return every
     median = Steadiness(
         place=np.zeros(1),
-        most=np.array([np.median([np.median(steadiness.most) for steadiness in known])]),
+        largest_fraction=np.array([np.median([np.median(steadiness.largest_fraction) for steadiness in known])]),
         repeats=float(np.median([steadiness.repeats for steadiness in known])),
     )
     return [median if steadiness is None else steadiness for steadiness in every]
@@ -146,6 +146,6 @@ def _of_channel(parts: Sequence[FloatArray]) -> Steadiness:
     changes = sum(1 + int(np.count_nonzero(np.diff(part))) for part in parts)
     return Steadiness(
         place=np.array([np.median(part) for part in parts]),
-        most=np.asarray(erf(step / (2.0 * np.sqrt(2.0) * noise))),
+        largest_fraction=np.asarray(erf(step / (2.0 * np.sqrt(2.0) * noise))),
         repeats=sum(map(len, parts)) / changes,
     )

@@ -84,7 +84,7 @@ def test_the_fmu_gives_its_run(
         np.testing.assert_allclose(found[name], rows, rtol=0.0, atol=1e-5 * size, err_msg=name)
 
 
-@pytest.mark.parametrize("kind", ["native", "native_3", "scalars"])  # that of kind python is the native one
+@pytest.mark.parametrize("kind", ["native", "native_3", "scalars"])  # kind python publishes the native run
 def test_the_command_of_fmpy_reads_the_example(fmus: dict[str, Path], tmp_path: Path, kind: str) -> None:
     """All but an array next to scalars, which FMPy's ``read_csv`` reads and its simulation refuses."""
     import fmpy

@@ -43,19 +43,19 @@ def flows_between(vehicle: Vehicle, flows: Snapshots) -> FlowsBetween | None:
 
 
 def known() -> FlowsBetween:
-    found = flows_between(newtonian_vehicle(), snapshots())
-    assert found is not None
-    return found
+    between = flows_between(newtonian_vehicle(), snapshots())
+    assert between is not None
+    return between
 
 
 def test_there_is_one_flow_in_every_cell() -> None:
-    found = known()
-    assert found.cells == 1 * 2 * 2
-    angles = {(one.angle_of_attack, one.sideslip_angle) for one in found.conditions}
+    between = known()
+    assert between.cells == 1 * 2 * 2
+    angles = {(condition.angle_of_attack, condition.sideslip_angle) for condition in between.conditions}
     assert np.degrees(sorted(angles)).round(6).tolist() == [[-2, -12], [-2, 12], [2, -12], [2, 12]]
-    again = flown(found.conditions)
-    ambient = np.array([one.ambient_pressure for one in found.conditions])
-    np.testing.assert_allclose(found.ratio, again.pressure / ambient[:, None], rtol=1e-9)
+    again = flown(between.conditions)
+    ambient = np.array([condition.ambient_pressure for condition in between.conditions])
+    np.testing.assert_allclose(between.ratio, again.pressure / ambient[:, None], rtol=1e-9)
 
 
 def test_the_odd_part_of_the_error_shows_between_the_snapshots_alone() -> None:
