@@ -45,6 +45,7 @@ TOGETHER = {
         "test_layout.py",
         "test_rooms.py",
         "docs/test_public_names.py",
+        "docs/test_word_budgets.py",
         "fmu/description/test_signals_once.py",
     ),
 }

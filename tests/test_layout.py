@@ -7,7 +7,7 @@ from collections import Counter
 from pathlib import Path
 
 import pytest
-from rooms import ROOT, files, text_of, tree_of
+from rooms import ROOT, files, nodes_of, text_of, tree_of
 
 import strainfmu
 
@@ -25,9 +25,9 @@ POSITIONAL_ONLY = {"CFUNCTYPE", "_series", "add_row", "pack"}
 """Functions of other packages that take many arguments by position alone (ctypes, rich, struct)."""
 
 
-def sources(*folders: str) -> list[tuple[Path, ast.Module]]:
-    """Return the Python files of the folders, by their paths in the project, parsed."""
-    return [(path, tree_of(path)) for path in files() if path.suffix == ".py" and path.parts[0] in folders]
+def sources(*folders: str) -> list[Path]:
+    """Return the Python files of the folders, by their paths in the project."""
+    return [path for path in files() if path.suffix == ".py" and path.parts[0] in folders]
 
 
 def name_of(node: ast.expr) -> str:
@@ -45,8 +45,8 @@ def test_the_top_level_names_are_there() -> None:
 
 def test_the_command_line_alone_imports_the_builder() -> None:
     importing = set()
-    for path, tree in sources("strainfmu"):
-        for node in ast.walk(tree):
+    for path in sources("strainfmu"):
+        for node in nodes_of(path):
             names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
             names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
             if any(name.split(".")[0] == "builder" for name in names):
@@ -57,8 +57,8 @@ def test_the_command_line_alone_imports_the_builder() -> None:
 def test_array_types_are_defined_in_one_module() -> None:
     """Names that end with "Array" are given to an array type of numpy in ``strainfmu/arrays.py`` alone."""
     defining = set()
-    for path, tree in sources(*PACKAGES):
-        for node in tree.body:
+    for path in sources(*PACKAGES):
+        for node in tree_of(path).body:
             targets = node.targets if isinstance(node, ast.Assign) else []
             if any(name_of(target).endswith("Array") for target in targets):
                 defining.add(path.as_posix())
@@ -68,8 +68,8 @@ def test_array_types_are_defined_in_one_module() -> None:
 def test_long_calls_name_their_arguments() -> None:
     long = [
         f"{path}:{node.lineno}: {name_of(node)} with {len(node.args)} arguments by position"
-        for path, tree in sources(*PACKAGES)
-        for node in ast.walk(tree)
+        for path in sources(*PACKAGES)
+        for node in nodes_of(path)
         if isinstance(node, ast.Call) and len(node.args) > MAX_POSITIONAL and name_of(node) not in POSITIONAL_ONLY
     ]
     assert long == []
@@ -79,8 +79,8 @@ def test_dataclasses_of_arrays_compare_by_identity() -> None:
     """``==`` of dataclasses compares their fields as tuples, which raises ValueError for arrays."""
     wrong = [
         f"{path}:{node.lineno}: {node.name}"
-        for path, tree in sources(*PACKAGES)
-        for node in ast.walk(tree)
+        for path in sources(*PACKAGES)
+        for node in nodes_of(path)
         if isinstance(node, ast.ClassDef) and compares_fields(node) and any(map(holds_array, node.body))
     ]
     assert wrong == []
@@ -104,7 +104,7 @@ def holds_array(field: ast.stmt) -> bool:
 
 
 def test_the_version_stands_in_one_place() -> None:
-    paths = [path for path, _ in sources(*PACKAGES)]
+    paths = sources(*PACKAGES)
     paths += [Path(name) for name in ("pyproject.toml", "CITATION.cff", "docs/conf.py") if (ROOT / name).exists()]
     quoted = (f'"{strainfmu.__version__}"', f"'{strainfmu.__version__}'")
     holding = [path.as_posix() for path in paths if any(text in text_of(path) for text in quoted)]

@@ -12,7 +12,7 @@ from importlib import import_module
 from typing import Any
 
 import pytest
-from rooms import files, tree_of
+from rooms import files, nodes_of
 from snippets import ROOT, pages, snippets
 
 pytestmark = pytest.mark.fast
@@ -37,7 +37,7 @@ def examples() -> list[tuple[str, str]]:
     """Return place and text of the examples in docstrings."""
     found = []
     for path in (one for one in files() if one.suffix == ".py" and one.parts[0] in PACKAGES):
-        for node in ast.walk(tree_of(path)):
+        for node in nodes_of(path):
             if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and (text := ast.get_docstring(node)):
                 lines = (one.source for one in doctest.DocTestParser().get_examples(text))
                 found.append((f"{path.name}:{getattr(node, 'name', '')}", "".join(lines)))

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from rooms import files, nodes_of
 from snippets import ROOT, pages
 from typer.main import get_command
 
@@ -132,9 +133,13 @@ def strings(path: Path) -> list[tuple[int, str]]:
     """Return line and text of the docstrings and of all other strings with a space; a code span is one letter."""
     return [
         (node.lineno, re.sub(r"``[^`]*``|(?::[a-z]+:)?`[^`]*`", "x", node.value))
-        for node in ast.walk(ast.parse(path.read_text("utf-8")))
+        for node in nodes_of(path)
         if isinstance(node, ast.Constant) and isinstance(node.value, str) and " " in node.value.strip()
     ]
+
+
+def sources(*packages: str) -> list[Path]:
+    return [path for path in files() if path.suffix == ".py" and path.parts[0] in packages]
 
 
 def help_texts(command: str) -> Iterator[str]:
@@ -178,20 +183,19 @@ def test_words_are_plain(page: Path) -> None:
 @pytest.mark.parametrize("package", PACKAGES)
 def test_words_of_the_code_are_plain(package: str) -> None:
     found: dict[str, dict[str, str]] = {}
-    for path in sorted((ROOT / package).rglob("*.py")):
+    for path in sources(package):
         for line, text in strings(path):
             for kept in EXCEPTIONS:
                 text = text.replace(kept, "")
             if hits := avoided(text):
-                found[f"{name(path)}:{line}"] = hits
+                found[f"{path.as_posix()}:{line}"] = hits
     assert found == {}
 
 
 def test_exceptions_are_still_needed() -> None:
     assert all(avoided(kept) for kept in EXCEPTIONS)
     if EXCEPTIONS:
-        paths = (path for package in PACKAGES for path in (ROOT / package).rglob("*.py"))
-        written = "\n".join(text for path in paths for _, text in strings(path))
+        written = "\n".join(text for path in sources(*PACKAGES) for _, text in strings(path))
         assert [kept for kept in EXCEPTIONS if kept not in written] == []
 
 

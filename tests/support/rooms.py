@@ -79,6 +79,12 @@ def tree_of(path: Path) -> ast.Module:
     return ast.parse(text_of(path))
 
 
+@cache
+def nodes_of(path: Path) -> tuple[ast.AST, ...]:
+    """Return all nodes of a file: to find them takes as long as to parse it."""
+    return tuple(ast.walk(tree_of(path)))
+
+
 def room_of(path: Path, rooms: frozenset[str]) -> str | None:
     """Return the longest name among ``rooms`` that is the file or a folder above it."""
     above = [path, *path.parents]
@@ -100,7 +106,7 @@ def imports() -> dict[str, set[str]]:
     graph: dict[str, set[str]] = {}
     for name, path in modules.items():
         targets = set[str]()
-        for node in ast.walk(tree_of(path)):
+        for node in nodes_of(path):
             if isinstance(node, ast.ImportFrom) and node.module:
                 parts = {f"{node.module}.{alias.name}" for alias in node.names} & modules.keys()
                 targets |= parts or ({node.module} & modules.keys())
@@ -154,7 +160,7 @@ def share_of_imports(tree: str) -> float:
     for path in files():
         if path.suffix == ".py" and path.parts[0] == tree:
             total += text_of(path).count("\n")
-            for node in ast.walk(tree_of(path)):
+            for node in nodes_of(path):
                 if isinstance(node, ast.Import | ast.ImportFrom):
                     importing += (node.end_lineno or node.lineno) - node.lineno + 1
     return importing / total
@@ -181,7 +187,7 @@ def walk() -> list[tuple[str, str]]:
     functions: dict[tuple[str, str], ast.FunctionDef] = {}
     known: dict[str, dict[str, tuple[str, str]]] = defaultdict(dict)
     for module, path in modules.items():
-        for node in ast.walk(tree_of(path)):
+        for node in nodes_of(path):
             if isinstance(node, ast.ImportFrom) and node.module:
                 known[module] |= {alias.asname or alias.name: (node.module, alias.name) for alias in node.names}
         for node in tree_of(path).body:

@@ -11,7 +11,7 @@ import pytest
 from flight_maps import whole_map
 from inertia_maps import with_masses
 from other_load_maps import with_further_tables
-from rooms import ROOT, tree_of
+from rooms import ROOT, nodes_of
 from sensor_maps import with_sensors
 from thermal_maps import with_temperature
 
@@ -32,7 +32,7 @@ def files_by_literal() -> Counter[str]:
     for room in ("strainfmu", "builder", "fmus"):
         for path in (ROOT / room).rglob("*.*"):
             if path.suffix == ".py":
-                nodes = ast.walk(tree_of(path.relative_to(ROOT)))
+                nodes = nodes_of(path.relative_to(ROOT))
                 found.update(
                     {one.value for one in nodes if isinstance(one, ast.Constant) and isinstance(one.value, str)}
                 )
