@@ -167,7 +167,7 @@ def load_slopes(
     lead = response.table.nominal.shape[1:-3]
 
     def read(even: Terms, parts: Parts, roll: FloatArray, weights: Weights) -> FloatArray:
-        return np.moveaxis(_read(lead, on_wall.station, even, parts, roll, weights), -1, 0)
+        return _read(lead, on_wall.station, even, parts, roll, weights)
 
     slopes = _Slopes(on_wall, response.table, as_built, thickness, read)
     by_stress, by_mass = (np.asarray(share_of) * 1.0 for share_of in (response.by_stress, response.by_mass))
@@ -213,35 +213,52 @@ def read_load(on_wall: WallGauges, table: ResponseTable, as_built: AsBuilt, thic
     """Return readings (.., n_d) of one vehicle under the loads of ``table``, without gain, mass and modulus."""
     even, uneven = amplitude_terms(table, as_built, thickness), tuple(uneven_amplitudes(table, as_built))
     roll, weights = on_wall.roll_angle(as_built), on_wall.direction_weights(as_built)
-    return _read(table.nominal.shape[1:-3], on_wall.station, even, uneven, roll, weights)
+    reading = _read(table.nominal.shape[1:-3], on_wall.station, even, uneven, roll, weights)
+    return np.moveaxis(reading, 0, -1)
 
 
 def _read(
     lead: tuple[int, ...], station: IntArray, even: Terms, parts: Parts, roll: FloatArray, weights: Weights
 ) -> FloatArray:
-    """Return readings (*lead, n_d) at roll angles (n_d,) of amplitudes (2, *lead, n_m, n_s, 3)."""
-    weight, reading = np.column_stack(weights), np.zeros((*lead, len(station)))
-    for factor, amplitude in even:
-        phase = np.arange(amplitude.shape[-3])[:, None] * roll
-        reading += factor * _at_roll(amplitude, station, np.cos(phase), np.sin(phase), weight)
+    """Return readings (n_d, *lead) at roll angles (n_d,) of amplitudes (2, *lead, n_m, n_s, 3)."""
+    reading = np.zeros((len(station), int(np.prod(lead))))
+    at_stations, weight = _AtStations(station), np.column_stack(weights)
+    changed = [(factor, amplitude) for factor, amplitude in even if np.any(factor)]
+    if changed:
+        phase = np.arange(changed[0][1].shape[-3])[:, None] * roll
+        waves = at_stations.waves(np.cos(phase), np.sin(phase), weight)
+        for factor, amplitude in changed:
+            reading += np.reshape(factor, (-1, 1)) * at_stations.product(amplitude, waves)
     for wave, turned, sides in parts:
         phases = side_phases(roll - turned * QUARTER / wave, sides.shape[-3], wave)
         for (cosine, sine, at_side), part in zip(phases, sides, strict=True):
-            reading += at_side * _at_roll(part, station, cosine, sine, weight)
-    return reading
+            waves = at_stations.waves(cosine, sine, weight)
+            reading += at_side[:, None] * at_stations.product(part, waves)
+    return reading.reshape(-1, *lead)
 
 
-def _at_roll(
-    amplitude: FloatArray, station: IntArray, cosine: FloatArray, sine: FloatArray, weight: FloatArray
-) -> FloatArray:
-    """Return readings (.., n_d) of amplitudes (2, .., n_m, n_s, 3) where the harmonics are (n_m, n_d) and gauges
-    make ``weight`` (n_d, 3) of the strain: a product of matrices for each station."""
-    n_m, n_s, _ = amplitude.shape[-3:]
-    first, second = np.stack([cosine, cosine, sine]), np.stack([sine, sine, -cosine])
-    waves = (np.stack([first, second], axis=2) * weight.T[:, None, None]).reshape(-1, len(station))  # 3, n_m, 2
-    rows = amplitude.reshape(2, -1, n_m, n_s, 3).transpose(3, 1, 4, 2, 0).reshape(n_s, -1, len(waves))
-    reading = np.empty((rows.shape[1], len(station)))
-    for number, of_loads in enumerate(rows):
-        gauges = np.flatnonzero(station == number)
-        reading[:, gauges] = of_loads @ waves[:, gauges]
-    return reading.reshape(*amplitude.shape[1:-3], -1)
+class _AtStations:
+    """Gauges by their ``station`` (n_d,), each in a column of its own there: one product of matrices for each."""
+
+    def __init__(self, station: IntArray) -> None:
+        count, order = np.bincount(station), np.argsort(station, kind="stable")
+        self._station, self._most = station, int(count.max(initial=0))
+        self._column = np.empty(len(station), dtype=np.int64)
+        self._column[order] = np.arange(len(station)) - np.repeat(np.cumsum(count) - count, count)
+
+    def waves(self, cosine: FloatArray, sine: FloatArray, weight: FloatArray) -> FloatArray:
+        """Return (stations, 3 n_m 2, columns) of harmonics (n_m, n_d) where gauges make ``weight`` (n_d, 3) of the
+        strain."""
+        waves = np.empty((len(self._station), 3, len(cosine), 2))
+        waves[:, :2, :, 0], waves[:, :2, :, 1] = cosine.T[:, None], sine.T[:, None]
+        waves[:, 2, :, 0], waves[:, 2, :, 1] = sine.T, -cosine.T
+        waves *= weight[:, :, None, None]
+        placed = np.zeros((int(self._station.max(initial=-1)) + 1, 6 * len(cosine), self._most))
+        placed[self._station, :, self._column] = waves.reshape(len(waves), -1)
+        return placed
+
+    def product(self, amplitude: FloatArray, waves: FloatArray) -> FloatArray:
+        """Return readings (n_d, n) of amplitudes (2, .., n_m, n_s, 3), n in all that stand between."""
+        n_m, n_s, _ = amplitude.shape[-3:]
+        rows = amplitude.reshape(2, -1, n_m, n_s, 3).transpose(3, 1, 4, 2, 0).reshape(n_s, -1, 6 * n_m)
+        return np.asarray((rows[: len(waves)] @ waves)[self._station, :, self._column])

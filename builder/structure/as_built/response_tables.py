@@ -102,8 +102,15 @@ def stacked_tables(tables: Sequence[ResponseTable]) -> ResponseTable:
         ]
         none = [(0, 0)] * (len(lead) + 1)
         padded = [np.pad(part, [*none, (0, n_m - part.shape[-3]), (0, 0), (0, 0)]) for part in filled]
-        stacked[entry.name] = np.stack(padded, axis=-4)
+        stacked[entry.name] = _by_station(np.stack(padded, axis=-4))
     return ResponseTable(**stacked)
+
+
+def _by_station(amplitude: FloatArray) -> FloatArray:
+    """Return amplitudes (.., 2, n, n_m, n_s, 3) laid out in memory by station and load, in which they are read."""
+    lead = range(amplitude.ndim - 5)
+    order = (*lead, *(len(lead) + part for part in (3, 1, 4, 2, 0)))
+    return np.ascontiguousarray(amplitude.transpose(order)).transpose(np.argsort(order))
 
 
 def together(responses: Sequence[LoadResponse]) -> LoadResponse:

@@ -148,13 +148,8 @@ class FourierStructure:
             rings[ring, place] = force
         local = _cylindrical(rings, roll)
         m_phi = np.arange(self.max_harmonic + 1)[:, None] * roll
-        cosine, sine = np.cos(m_phi), np.sin(m_phi)
-        along, around = local[..., :2], local[..., 2]
-        family = np.empty((2, len(m_phi), len(local), 3))
-        family[0, ..., :2] = np.einsum("mp,qpc->mqc", cosine, along, optimize=True)
-        family[0, ..., 2] = np.einsum("mp,qp->mq", sine, around, optimize=True)
-        family[1, ..., :2] = np.einsum("mp,qpc->mqc", sine, along, optimize=True)
-        family[1, ..., 2] = -np.einsum("mp,qp->mq", cosine, around, optimize=True)
+        family = np.tensordot(np.stack([np.cos(m_phi), np.sin(m_phi)]), local, (2, 1))  # wave, m, ring, component
+        family[..., 2] = family[1, ..., 2], -family[0, ..., 2]  # round the body as the other wave
         return self._scattered(family, meridian.shape[loaded])
 
     def point_force(self, station: FloatArray, roll_angle: FloatArray, force: FloatArray) -> FloatArray:
