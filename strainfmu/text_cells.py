@@ -135,15 +135,21 @@ def _value(text: str) -> float:
 
 _CLOCK = (
     r"(?P<hour>[0-9]{1,2}):(?P<minute>[0-9]{2})(?::(?P<second>[0-9]{2})(?:[.,:](?P<part>[0-9]{1,9})[0-9]*)?)?"
-    r"(?:\s*(?P<half>[ap])\.?m\.?)?(?P<zone>Z|[+-][0-9]{2}(?::?[0-9]{2})?)?"
+    r"(?:\s*(?P<half>[ap])\.?m\.?)?(?:\s*(?P<zone>Z|UTC|GMT|[+-][0-9]{2}(?::?[0-9]{2})?))?"
 )
 _DATED = re.compile(
     r"(?:(?P<first>[0-9]{1,4})(?P<between>[./-])(?P<middle>[0-9]{1,2})(?P=between)(?P<third>[0-9]{2,4})[T ,;]\s*"
-    r"|(?P<day>[0-9]{1,2})[ .-]+(?P<name>[^\W\d_]{3,9})\.?[ .-]+(?P<year>[0-9]{4})[T ,;]\s*"
+    r"|(?P<day>[0-9]{1,2})[ .-]+(?P<name>[^\W\d_]{3,9})\.?[ .-]+(?P<year>[0-9]{4}|[0-9]{2})[T ,;]\s*"
     r"|(?:(?P<irig_year>[0-9]{4})[:/. -])?(?P<day_of_year>[0-9]{3})[:/. T-])?" + _CLOCK,
     re.IGNORECASE,
 )
 """A date and a time of day, or one alone; the day of the year, as in 032:14:05:22.125, is of IRIG standard 200."""
+
+_REWRITTEN = (
+    (re.compile(r"\A([^\W\d_]{3,9})\.? ([0-9]{1,2}),? (?=[0-9])"), r"\2-\1-"),
+    (re.compile(r"\A([0-9]{4})([0-9]{2})([0-9]{2})[T ]([0-9]{2}):?([0-9]{2}):?([0-9]{2})"), r"\1-\2-\3T\4:\5:\6"),
+)
+"""Dates with the name of the month ahead, and ISO 8601 without marks, in the forms above."""
 
 _MINUTES = re.compile(r"(?P<minute>[0-9]{1,2}):(?P<second>[0-9]{2})[.,](?P<part>[0-9]+)")
 
@@ -215,7 +221,7 @@ def time_form(text: str, stated: DateOrder | None) -> TimeForm | None:
     A date of figures has the day first where the month would be above 12, or points stand between its figures, and
     the month first where the day would be above 12; else ``stated`` decides, and without it the order is unknown.
     """
-    match = _DATED.fullmatch(text)
+    match = _dated(text)
     order: DateOrder | None = None
     words = "of day" if match is not None and match["half"] else "of ISO 8601"
     if match is not None and match["day_of_year"]:
@@ -233,9 +239,15 @@ def time_form(text: str, stated: DateOrder | None) -> TimeForm | None:
     return None if first is None else TimeForm(words, order, first)
 
 
+def _dated(text: str) -> re.Match[str] | None:
+    for form, usual in _REWRITTEN:
+        text = form.sub(usual, text)
+    return _DATED.fullmatch(text)
+
+
 def _moment(text: str, order: DateOrder | None) -> _Moment | None:
     """Return the moment that a text states, None for a text of no date and time; without an order month first."""
-    match = _DATED.fullmatch(text)
+    match = _dated(text)
     short = _MINUTES.fullmatch(text)
     if short is not None:
         parts, hour = short.groupdict(), 0
@@ -265,7 +277,7 @@ def _moment(text: str, order: DateOrder | None) -> _Moment | None:
 def _zone(text: str) -> int:
     """Return the offset of a time zone [s]."""
     digits = text[1:].replace(":", "").ljust(4, "0")
-    return 0 if text in ("", "Z", "z") else int(f"{text[0]}1") * 60 * (60 * int(digits[:2]) + int(digits[2:]))
+    return 0 if text[:1] not in ("+", "-") else int(f"{text[0]}1") * 60 * (60 * int(digits[:2]) + int(digits[2:]))
 
 
 def _date(parts: Mapping[str, str | None], order: DateOrder | None) -> date | None:
@@ -283,10 +295,14 @@ def _date(parts: Mapping[str, str | None], order: DateOrder | None) -> date | No
             raise ValueError
         return date.fromordinal(day.toordinal() + int(day_of_year) - 1)
     if name := parts.get("name"):
-        return date(int(parts["year"] or 0), _MONTHS.get(name.casefold()[:3], 0), int(parts["day"] or 0))
+        return date(_year(parts["year"]), _MONTHS.get(name.casefold()[:3], 0), int(parts["day"] or 0))
     if not (first and middle and third):
         return None
     if len(first) > 2:
         return date(int(first), int(middle), int(third))
     day_number, month = (first, middle) if order == "day" else (middle, first)
-    return date(int(third) + (2000 if len(third) == 2 else 0), int(month), int(day_number))
+    return date(_year(third), int(month), int(day_number))
+
+
+def _year(text: str | None) -> int:
+    return int(text or 0) + (2000 if text and len(text) == 2 else 0)

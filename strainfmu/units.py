@@ -5,15 +5,15 @@ from __future__ import annotations
 from math import pi
 
 _MICROSTRAIN = (
-    *("um/m", "µm/m", "μm/m", "microstrain"),
-    *(f"{micro}{strain}" for micro in "uµμ" for strain in ("e", "E", "ε", "strain", "Strain")),
+    *(f"{micro}{strain}" for micro in "uµμ" for strain in ("m/m", "in/in", "e", "E", "ε", "strain", "Strain")),
+    *("microstrain", "ppm"),
 )
 
 STRAIN_UNITS = {
     **dict.fromkeys(_MICROSTRAIN, 1e-6),
     **dict.fromkeys(("mm/m",), 1e-3),
     **dict.fromkeys(("percent", "%"), 1e-2),
-    **dict.fromkeys(("m/m", "1", "strain", "Strain"), 1.0),
+    **dict.fromkeys(("m/m", "in/in", "1", "strain", "Strain"), 1.0),
 }
 """Factor to m/m."""
 

@@ -200,8 +200,8 @@ def _frame(path: Path, columns: Sequence[Column], starts: list[np.datetime64]) -
 
 
 def as_numbers(path: Path, column: Column, values: Any, starts: list[np.datetime64]) -> FloatArray:
-    """Return values (n,) of a column as numbers, dates as seconds since the first, which ``starts`` retains: one
-    for all columns of a file.
+    """Return values (n,) of a column as numbers, durations as seconds, dates as seconds since the first, which
+    ``starts`` retains: one for all columns of a file.
 
     Raises
     ------
@@ -211,6 +211,8 @@ def as_numbers(path: Path, column: Column, values: Any, starts: list[np.datetime
     values = np.asarray(values)
     if values.dtype.kind == "M":
         values = _seconds(values.astype("datetime64[ns]"), starts)
+    elif values.dtype.kind == "m":
+        values = values / np.timedelta64(1, "s")
     with _refused(f"{path}: column '{column.full}': values that are no numbers"):
         if values.dtype.kind not in "fiubO":
             raise TypeError

@@ -59,7 +59,7 @@ def _columns_of(
         if isinstance(item, h5py.Group) and key not in _NO_COLUMNS and not key.startswith("#"):
             inner = around if (*around, key) == _SIMULATION else (*around, key)
             yield from _columns_of(path, item, inner, reading, is_matlab)
-        elif not isinstance(item, h5py.Dataset) or (key == _GAUGE_NAMES and not around):
+        elif not isinstance(item, h5py.Dataset) or item.shape is None or (key == _GAUGE_NAMES and not around):
             continue
         elif item.dtype.names:
             for field in item.dtype.names:
@@ -70,7 +70,8 @@ def _columns_of(
             turned = is_matlab and item.ndim == 2
             shape = item.shape[::-1] if turned else item.shape
             names = matrix_columns(name, shape)
-            for of_column, read in zip(names, _columns(item, len(names), turned), strict=True):
+            for of_column, raw in zip(names, _columns(item, len(names), turned), strict=True):
+                read = _unpacked(item, raw)
                 yield Column(name=of_column, unit=_unit(path, item), group=around, rows=_rows(shape), read=read)
 
 
@@ -95,10 +96,11 @@ def _unit(path: Path, item: h5py.Dataset) -> str | None:
     """Return the attribute ``unit`` or ``units`` of a data set, None if it has none."""
     for key in ("unit", "units"):
         if key in item.attrs:
-            unit, name = item.attrs[key], str(item.name).strip("/")
-            if not isinstance(unit, (str, bytes)):
-                raise InputError(f"{path}: '{name}': attribute {key}: expected a text, got {str(unit)[:40]}")
-            return _text(unit) or None
+            stated, name = item.attrs[key], str(item.name).strip("/")
+            units = {*map(_text, np.ravel(stated))} if np.asarray(stated).dtype.kind in "OSU" else set()
+            if len(units) != 1:
+                raise InputError(f"{path}: '{name}': attribute {key}: expected a text, got {str(stated)[:40]}")
+            return units.pop() or None
     return None
 
 
@@ -130,6 +132,23 @@ def _columns(item: h5py.Dataset, n: int, is_turned: bool) -> list[Callable[[slic
         return block(rows.start, rows.stop)[:, k]
 
     return [partial(column, k) for k in range(n)]
+
+
+def _unpacked(item: h5py.Dataset, read: Callable[[slice], Any]) -> Callable[[slice], Any]:
+    """Return what reads a column that netCDF packs: NaN for its fill value, else factor times number plus offset.
+
+    Source: netCDF Climate and Forecast Metadata Conventions, sections 2.5.1 and 8.1.
+    """
+    if not {"scale_factor", "add_offset", "_FillValue", "missing_value"} & {*item.attrs}:
+        return read
+    scale, offset = item.attrs.get("scale_factor", 1.0), item.attrs.get("add_offset", 0.0)
+    missing = [np.ravel(item.attrs[key]) for key in ("_FillValue", "missing_value") if key in item.attrs]
+
+    def unpacked(rows: slice) -> Any:
+        values = np.asarray(read(rows))
+        return np.where(np.isin(values, np.concatenate([[], *missing])), np.nan, scale * values + offset)
+
+    return unpacked
 
 
 def _read_structure(path: Path) -> None:

@@ -32,7 +32,8 @@ Tags = dict[str, list[str]]
 class _Segment:
     """A segment: tags with their cells, names of the columns, and rows of numbers, NaN where a cell is empty.
 
-    ``faults`` are refusals of cells that are no numbers, by column, ``last`` is the last line.
+    ``faults`` are refusals of names that are there twice and cells that are no numbers, by column, ``last`` is the
+    last line.
     """
 
     tags: Tags
@@ -114,6 +115,10 @@ def _segments(path: Path, lines: Sequence[str]) -> tuple[Tags, list[_Segment], l
             tags, is_data = {}, False
         elif cells[0] == _X and segment is not None and not segment.names:
             segment.names, is_data = cells, True
+            for name in cells:
+                if cells.count(name) > 1:  # said of a column that is read
+                    fault = f"{path}: line {number}: expected one column '{name}', got {cells.count(name)}"
+                    segment.faults[name] = InputError(fault)
         elif is_data and segment is not None and not cells[0][:1].isalpha():
             if (width := 1 + max(segment.columns.values())) <= len(cells):
                 _add_row(path, segment, cells[:width], number, numerals)

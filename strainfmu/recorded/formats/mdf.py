@@ -107,6 +107,7 @@ def _samples(file: Any, group: int, channel: int, rows: slice) -> Any:
         group=group,
         index=channel,
         samples_only=True,
+        ignore_invalidation_bits=True,  # which are returned; otherwise these rows are missing
         record_offset=rows.start,
         record_count=rows.stop - rows.start,
     )

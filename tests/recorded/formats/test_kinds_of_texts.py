@@ -121,6 +121,7 @@ def test_an_unknown_unit_of_time_is_named(name: str, tmp_path: Path) -> None:
     [
         *("%j:%H:%M:%S.%f", "%Y:%j:%H:%M:%S.%f", "%j %H:%M:%S.%f", "%Y-%jT%H:%M:%S.%f", "%j/%H:%M:%S:%f"),
         *("%Y-%m-%dT%H:%M:%S.%fZ", "%Y/%m/%d %H:%M:%S.%f", "%d.%m.%Y %H:%M:%S.%f", "%d-%b-%Y %H:%M:%S.%f"),
+        *("%Y%m%dT%H%M%S.%f", "%Y-%m-%d %H:%M:%S.%f UTC", "%b %d %Y %H:%M:%S.%f", "%d-%b-%y %H:%M:%S.%f +0100"),
         *("%H:%M:%S.%f", "%H:%M:%S:%f", "%M:%S.%f", "%I:%M:%S.%f %p"),
     ],
 )
