@@ -163,14 +163,73 @@ def test_report_map_and_table_are_written_and_bent_gauges_refused(tmp_path: Path
         ('"axial_force"', '"thrust"', "name: expected one of axial_force"),
         ('column = "known_axial_force"', 'column = "x"', "expected a column 'x'"),
         ('name = "axial_force"', 'name = "section_axial"', "x_m: expected a station"),
-        ('column = "known_axial_force"', 'column = "known_side_force"', "loads that differ independently"),
+        ('column = "known_axial_force"', 'column = "known_side_force"', "got 'known_side_force' again"),
+        ('"g7", "g8"', '"g8", "g8"', "got 'g8' again"),
+        ('unit = "N"', 'unit = "N"\ngauges = ["g1", "g2", "g1"]', "each once, got 'g1'"),
+        ("[readings]", '[readings]\nunit = "m/m"', "readings.unit: expected changes of at most 0.1 m/m or V/V"),
+        ('unit = "N"', 'unit = "N"\ngauges = ["g1"]', "tell the 6 loads apart"),
     ],
 )
 def test_wrong_entries_are_refused_in_one_line(tmp_path: Path, old: str, new: str, said: str) -> None:
     path = written(tmp_path, 9)
-    path.write_text(path.read_text().replace(old, new, 1))
+    path.write_text(path.read_text().replace(old, new, 6 if "apart" in said else 1))
     with pytest.raises(InputError, match=said):
         fitted(path)
+
+
+def changed_column(path: Path, name: str, change: Callable[[int, str], str]) -> None:
+    """Change the cells of a column, given each row and cell."""
+    heading, *rows = [line.split(",") for line in path.read_text().splitlines()]
+    for number, row in enumerate(rows):
+        row[heading.index(name)] = change(number, row[heading.index(name)])
+    path.write_text("\n".join(map(",".join, [heading, *rows])) + "\n")
+
+
+@pytest.mark.parametrize(
+    ("column", "change", "said"),
+    [
+        ("g3", lambda *_: "7.5", "g3: expected readings that change with the loads, got one in all rows"),
+        ("known_axial_force", lambda *_: "0", "known_axial_force: expected loads, got none"),
+        (
+            "check",
+            lambda row, _: "" if row % 5 == 0 else "x",
+            "more rows than the 9 gauges of an equation and one",
+        ),
+    ],
+)
+def test_tables_that_cannot_be_fitted_are_refused(
+    tmp_path: Path, column: str, change: Callable[[int, str], str], said: str
+) -> None:
+    path = written(tmp_path, 9)
+    changed_column(tmp_path / "test.csv", column, change)
+    with pytest.raises(InputError, match=said):
+        fitted(path)
+
+
+@pytest.mark.parametrize(
+    ("column", "row", "cell", "gauges"),
+    [("g3", 7, "9e4", ["g3"]), ("known_axial_force", 2, "1000", [f"g{k}" for k in range(9)])],
+)
+def test_a_reading_or_a_load_unlike_the_others_is_named(
+    tmp_path: Path, column: str, row: int, cell: str, gauges: list[str]
+) -> None:
+    """Also where the loads are predicted without that gauge."""
+    path = written(tmp_path, 9)
+    assert verdict_lines(fitted(path))[0]
+    changed_column(tmp_path / "test.csv", column, lambda number, was: cell if number == row else was)
+    fit = fitted(path)
+    assert list(fit.unlike) == [row + 2]
+    assert set(fit.unlike[row + 2]) <= set(gauges)
+    good, lines = verdict_lines(fit)
+    assert not good
+    assert f"line {row + 2} of the table: readings of {gauges[0]}" in lines[-1]
+
+
+def test_a_check_mark_is_any_but_a_no(tmp_path: Path) -> None:
+    path = written(tmp_path, 9)
+    expected = applied_test(equations_file(path)).is_check
+    changed_column(tmp_path / "test.csv", "check", lambda row, cell: cell or ["", "0", "No", "FALSE"][row % 4])
+    np.testing.assert_array_equal(applied_test(equations_file(path)).is_check, expected)
 
 
 @pytest.mark.parametrize(("separator", "mark"), [(";", ","), (";", "."), ("\t", ","), ("\t", ".")])

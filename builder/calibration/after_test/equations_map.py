@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from datetime import date
 
 import numpy as np
+from scipy.special import stdtrit
 
 from builder.calibration.estimate.regression import LoadEquation, load_equation
 from builder.calibration.ground_test.equations_file import AT_STATION, WHOLE, AppliedTest
@@ -23,8 +24,17 @@ from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import ABSOLUTE, COEFFICIENT_NAMES, PER_PRESSURE, InverseMap
 
+LARGEST_STRAIN = 0.1
+"""Mean change of readings beyond which their unit is another one [m/m or V/V]."""
+
 WIDE = 1e3
 """Standard deviation of a load before a reading over the largest applied one, where no gauge is redundant."""
+
+ROUNDING = 1e-6
+"""Part of a load, or of a row's own say on its prediction, below which it is rounding."""
+
+LEAST_UNLIKE, RARE = 0.1, 1e-4
+"""Part of a gauge's largest change, and probability in a whole test, of a reading that is unlike the others."""
 
 FLOOR = 1e-3
 """Part of a gauge's residual that is taken for its own, so that few rows leave a covariance of full rank."""
@@ -65,6 +75,29 @@ class FittedEquations:
         return np.asarray(self.test.strain - self.zero - self.predicted @ self.strain_per_load.T)
 
     @property
+    def unlike(self) -> dict[int, list[str]]:
+        """Gauges, by line of the table, whose readings are unlike what the other rows give at these loads.
+
+        By Student's t of the residual over the standard deviation that the other rows leave, and beyond
+        :data:`LEAST_UNLIKE` of the gauge's largest change.
+        """
+        fitted = ~self.test.is_check
+        strain, load = self.test.strain[fitted] - self.zero, self.test.load[fitted]
+        known = np.column_stack([load / np.abs(load).max(axis=0), np.ones(len(load))])
+        projection = known @ np.linalg.pinv(known)
+        rest, freedom = strain - projection @ strain, len(load) - known.shape[1] - 1
+        alone = np.maximum(1.0 - np.diag(projection), ROUNDING)[:, None]
+        others = np.maximum((rest**2).sum(axis=0) - rest**2 / alone, 0.0) / max(freedom, 1)
+        is_rare = rest**2 > stdtrit(max(freedom, 1), RARE / rest.size) ** 2 * alone * others
+        is_unlike = is_rare & (np.abs(rest) > LEAST_UNLIKE * alone * np.abs(strain).max(axis=0))
+        lines, names = np.array(self.test.line)[fitted], self.test.file.readings.gauges
+        return {
+            int(lines[row]): [names[gauge] for gauge in np.flatnonzero(is_unlike[row])]
+            for row in np.flatnonzero(is_unlike.any(axis=1))
+            if freedom > 0
+        }
+
+    @property
     def redundancy(self) -> int:
         """Gauges less loads."""
         return self.test.strain.shape[1] - len(self.equations)
@@ -85,13 +118,14 @@ def fit_equations(test: AppliedTest) -> FittedEquations:
     if n_d < n_l:
         raise InputError(f"{file.path}: readings.gauges: expected at least {n_l}, one for each load, got {n_d}")
     most = max(len(load.gauges or file.readings.gauges) for load in file.load) if file.method == "all" else n_l
-    if len(load) <= max(most, n_l):
+    if len(load) <= max(most, n_l) + 1:
         raise InputError(
-            f"{table}: expected more rows than the {max(most, n_l)} gauges of an equation, got "
-            f'{len(load)}; apply more loads, name fewer gauges, or state method = "selected" or "ridge"'
+            f"{table}: expected more rows than the {max(most, n_l)} gauges of an equation and one for the zeros, "
+            f'got {len(load)}; apply more loads, name fewer gauges, or state method = "selected" or "ridge"'
         )
     size = np.abs(load).max(axis=0)
-    if not size.all() or np.linalg.matrix_rank(load / size) < n_l:
+    _check_columns(test, strain, size)
+    if np.linalg.matrix_rank(load / size) < n_l:
         raise InputError(f"{table}: expected loads that differ independently, got some that go together")
     none = ~load.any(axis=1)
     is_fitted = not none.any()
@@ -116,7 +150,12 @@ def fit_equations(test: AppliedTest) -> FittedEquations:
     if empty:
         raise InputError(f"{table}: {empty[0]}: expected gauges whose T is 4 or more, got none")
     per_load = np.linalg.lstsq(of_load / size, change, rcond=None)[0].T / size
-    per_load = per_load @ np.linalg.inv(_gain(equations, n_d) @ per_load)
+    seen = _gain(equations, n_d) @ per_load
+    if np.linalg.matrix_rank(seen * size / size[:, None], tol=ROUNDING) < n_l:
+        raise InputError(
+            f"{table}: expected gauges that tell the {n_l} loads apart, got such that read them alike"
+        )
+    per_load = per_load @ np.linalg.inv(seen)
     left_out = np.column_stack([equation.left_out for equation in equations])
     return FittedEquations(
         test=test,
@@ -125,6 +164,24 @@ def fit_equations(test: AppliedTest) -> FittedEquations:
         load_covariance=left_out.T @ left_out / len(left_out) + np.diag((1e-9 * size) ** 2),
         strain_per_load=per_load,
     )
+
+
+def _check_columns(test: AppliedTest, strain: FloatArray, size: FloatArray) -> None:
+    """Refuse loads that are never applied, gauges that never change, and readings in another unit than stated."""
+    file, entries = test.file, test.file.readings
+    table = file.beside(entries.table)
+    never = [load.column for load, largest in zip(file.load, size, strict=True) if not largest]
+    if never:
+        raise InputError(f"{table}: {never[0]}: expected loads, got none in the rows that are fitted")
+    still = [name for name, change in zip(entries.gauges, np.ptp(strain, axis=0), strict=True) if not change]
+    if still:
+        raise InputError(f"{table}: {still[0]}: expected readings that change with the loads, got one in all rows")
+    change = float(np.abs(strain - strain.mean(axis=0)).mean())
+    if change > LARGEST_STRAIN:
+        raise InputError(
+            f"{file.path}: readings.unit: expected changes of at most {LARGEST_STRAIN:g} m/m or V/V, got "
+            f"{change:.3g} in '{entries.unit}'"
+        )
 
 
 def _gain(equations: Sequence[LoadEquation], n_gauges: int) -> FloatArray:

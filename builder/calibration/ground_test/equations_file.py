@@ -143,9 +143,10 @@ def equations_file(path: Path) -> EquationsFile:
         if (load.name, load.x_m) in names:
             raise InputError(f"{where}.name: expected each load once, got '{load.name}' again")
         names.add((load.name, load.x_m))
-        unknown = sorted(set(load.gauges or ()) - set(file.readings.gauges))
-        if unknown:
-            raise InputError(f"{where}.gauges: expected some of readings.gauges, got '{unknown[0]}'")
+        of_load, gauges = load.gauges or [], file.readings.gauges
+        wrong = [name for name in of_load if name not in gauges or of_load.count(name) > 1]
+        if wrong:
+            raise InputError(f"{where}.gauges: expected some of readings.gauges, each once, got '{wrong[0]}'")
     return file
 
 
@@ -165,6 +166,8 @@ def applied_test(file: EquationsFile) -> AppliedTest:
     numbers = [*entries.gauges, *(load.column for load in file.load)]
     wanted = [*numbers, *([entries.check] if entries.check else [])]
     for name in wanted:
+        if wanted.count(name) > 1:
+            raise InputError(f"{file.path}: expected each column for one gauge, load or check, got '{name}' again")
         if heading.count(name) != 1:
             what = "a column" if name not in heading else "one column"
             raise InputError(f"{path}: expected {what} '{name}', got {', '.join(heading)}")
@@ -192,6 +195,6 @@ def applied_test(file: EquationsFile) -> AppliedTest:
         file=file,
         strain=STRAINS[entries.unit] * np.column_stack([column(name) for name in entries.gauges]),
         load=np.column_stack([scale * column(load.column) for scale, load in zip(scales, file.load, strict=True)]),
-        is_check=np.array([mark not in ("", "0") for mark in marked]),
+        is_check=np.array([mark.casefold() not in ("", "0", "no", "false") for mark in marked]),
         line=tuple(line for line, _ in rows[1:]),
     )

@@ -11,6 +11,7 @@ from builder.reports.page.origin import Origin
 from builder.reports.page.page_tables import Column, Table, make_table
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.signal_names import ZERO
+from strainfmu.recorded.names import some_of
 
 WITHIN = 3.0
 """Standard deviations within which check loads must be predicted."""
@@ -43,6 +44,12 @@ def verdict_lines(fit: FittedEquations) -> tuple[bool, tuple[str, ...]]:
         lines.append(f"{checks.sum()} check loads are predicted within {off.max():.2g} standard deviations")
     else:
         lines.append("no check loads: the equations are judged by rows that are left out one by one")
+    for line, gauges in fit.unlike.items():
+        good = False
+        lines.append(
+            f"line {line} of the table: readings of {some_of(gauges)} are unlike what the other rows give at "
+            "these loads: a reading or a load is wrong"
+        )
     return good, tuple(lines)
 
 
