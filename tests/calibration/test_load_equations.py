@@ -167,12 +167,12 @@ def test_report_map_and_table_are_written_and_bent_gauges_refused(tmp_path: Path
         ('"g7", "g8"', '"g8", "g8"', "got 'g8' again"),
         ('unit = "N"', 'unit = "N"\ngauges = ["g1", "g2", "g1"]', "each once, got 'g1'"),
         ("[readings]", '[readings]\nunit = "m/m"', "readings.unit: expected changes of at most 0.1 m/m or V/V"),
-        ('unit = "N"', 'unit = "N"\ngauges = ["g1"]', "tell the 6 loads apart"),
+        ('unit = "N"', 'unit = "N"\ngauges = ["g1"]', "read the 6 loads differently"),
     ],
 )
 def test_wrong_entries_are_refused_in_one_line(tmp_path: Path, old: str, new: str, said: str) -> None:
     path = written(tmp_path, 9)
-    path.write_text(path.read_text().replace(old, new, 6 if "apart" in said else 1))
+    path.write_text(path.read_text().replace(old, new, 6 if "differently" in said else 1))
     with pytest.raises(InputError, match=said):
         fitted(path)
 

@@ -153,7 +153,7 @@ def fit_equations(test: AppliedTest) -> FittedEquations:
     seen = _gain(equations, n_d) @ per_load
     if np.linalg.matrix_rank(seen * size / size[:, None], tol=ROUNDING) < n_l:
         raise InputError(
-            f"{table}: expected gauges that tell the {n_l} loads apart, got such that read them alike"
+            f"{table}: expected gauges that read the {n_l} loads differently, got such that read some alike"
         )
     per_load = per_load @ np.linalg.inv(seen)
     left_out = np.column_stack([equation.left_out for equation in equations])
