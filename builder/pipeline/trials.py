@@ -193,13 +193,16 @@ def run_trial(
         flown, trial, make_world, inputs, score = make(pipeline, trial, only, flows_path)
         inputs["vehicle"] = flown.model_dump(exclude={"description", "truth"})
         tasks = tasks_of(cases_for(flown, trial, only), trial.trial, make_world, inputs, score)
-        results = run_tasks(tasks, folder / CASES, reporter, workers=workers, scheduler=scheduler)
+        with naming(trial.path):
+            results = run_tasks(tasks, folder / CASES, reporter, workers=workers, scheduler=scheduler)
     rows = list[Row]()
     for task, result in zip(tasks, results, strict=True):
         if isinstance(result, str):
             reporter.note(f"{task.case.error}, {task.case.size}: left out: {result}")
         else:
             rows += result
+    if not rows:
+        raise InputError(f"{trial.path}: expected cases that this vehicle can fly, got {len(tasks)}, all left out")
     return _written(entry.name, [task.case for task in tasks], rows, folder, suffixes, reporter)
 
 
@@ -325,7 +328,8 @@ def _flights_of_map(pipeline: Pipeline, trial: TrialFile, only: Sequence[str], f
         make_map(pipeline)
     inverse_map = load_inverse_map(pipeline.path(MAP))
     vehicle = with_estimator(pipeline.flown or pipeline.vehicle, estimator_of(inverse_map))
-    trial = trial.changed({"estimators": available(inverse_map, trial.trial.estimators)})
+    with naming(trial.path):
+        trial = trial.changed({"estimators": available(inverse_map, trial.trial.estimators)})
     plan = trial.trial
     _make_flows(pipeline, vehicle, trial, only, flows)
     structure = pipeline.path(STRUCTURE)

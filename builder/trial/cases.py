@@ -26,11 +26,11 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from pydantic import ConfigDict, Field, PositiveFloat, model_validator
+from pydantic import ConfigDict, Field, PositiveFloat, PrivateAttr, model_validator
 
 from builder.structure.as_built.as_built_vehicle import AsBuilt
 from builder.structure.as_built_kinds import IN_NOISE, KINDS
-from builder.trial.conditions import FEWER_BEYOND, Motion, Where, edges_of, is_inside
+from builder.trial.conditions import FEWER_BEYOND, Motion, Quantity, Where, edges_of, is_inside
 from builder.trial.faults import Fault, Heating, Inertia, Lost
 from builder.trial.flows import Flow
 from builder.vehicle.file import Vehicle
@@ -193,6 +193,24 @@ class OverTime(Section):
     common_zero: float = 0.0
 
 
+AIMS = (
+    *("flagged_percent", "alarm_percent", "undetected_percent", "no_estimate_percent"),
+    *("right_ok_percent", "right_flagged_percent", "wrong_flagged_percent"),
+    *(
+        "covered_percent",
+        "covered_1_percent",
+        "worst_set_percent",
+        "rms",
+        "bias",
+        "sigma",
+        "rms_z",
+        "rms_of_range",
+    ),
+    *("over_bound", "over_single", "over_exact"),
+)
+"""Columns of the table, of all loads together or of each load, that a case may aim at."""
+
+
 class Case(Section):
     """One row: what is tried.
 
@@ -206,7 +224,7 @@ class Case(Section):
     map_errors : whether errors of pressure and numerics that the map includes are drawn, at their sizes there.
     draws : vehicles of the trial, times this.
     tenths_by : quantities of the flight; the samples are scored in tenths of the flights by each of them, too.
-    at_least, at_most : what is aimed at in addition to the limits of the class, by columns of the table.
+    at_least, at_most : what is aimed at in addition to the limits of the class, by :data:`AIMS`.
     """
 
     model_config = ConfigDict(populate_by_name=True)
@@ -232,7 +250,7 @@ class Case(Section):
     ground: GroundTest | None = None
     over_time: OverTime | None = None
     motion: Motion | None = None
-    tenths_by: list[str] = Field(default_factory=list)
+    tenths_by: list[Quantity] = Field(default_factory=list)
     at_least: dict[str, float] = Field(default_factory=dict)
     at_most: dict[str, float] = Field(default_factory=dict)
 
@@ -302,6 +320,12 @@ class TrialFile(Section):
     group: list[Group] = Field(default_factory=list)
     closed_loop: ClosedLoop | None = None
     ground: GroundTests | None = None
+    _path: Path = PrivateAttr(default=Path("trial.toml"))
+
+    @property
+    def path(self) -> Path:
+        """Where the file is."""
+        return self._path
 
     @property
     def cases(self) -> list[Case]:
@@ -345,7 +369,9 @@ def load_trial(name: str | Path) -> TrialFile:
                 f"{name}: expected the path of a file, or a trial that is shipped: {', '.join(shipped)}"
             )
         path = shipped[path.name]
-    return read_sections(path, TrialFile, "file of a trial", _faults)
+    file = read_sections(path, TrialFile, "file of a trial", _faults)
+    file._path = path
+    return file
 
 
 def _faults(file: TrialFile) -> list[str]:
@@ -357,13 +383,21 @@ def _faults(file: TrialFile) -> list[str]:
         for name in (entry.removeprefix("not ") for entry in case.when)
         if name not in PROPERTIES
     ]
-    kinds = ", ".join(kind.name for kind in IN_NOISE)
-    return faults + [
-        f"group: '{case.name}': expected kinds of error, {kinds}, got '{name}'"
+    faults += [
+        f"group: '{case.name}': expected aims of columns, {', '.join(AIMS)}, got '{name}'"
         for case in cases
-        for name in (*case.as_built.set, *case.as_built.middle)
-        if name not in KINDS or (file.ground is None and "noise" not in KINDS[name].sections)
+        for name in (*case.at_least, *case.at_most)
+        if name not in AIMS
     ]
+    kinds = ", ".join(kind.name for kind in IN_NOISE)
+    for case in cases:
+        for name, value in (*case.as_built.set.items(), *case.as_built.middle.items()):
+            where = f"group: '{case.name}'"
+            if name not in KINDS or (file.ground is None and "noise" not in KINDS[name].sections):
+                faults.append(f"{where}: expected kinds of error, {kinds}, got '{name}'")
+            elif KINDS[name].unit == "%" and value <= -100.0:
+                faults.append(f"{where}: {name}: expected more than -100 %, got {value:g}")
+    return faults
 
 
 def cases_for(vehicle: Vehicle, file: TrialFile, only: Sequence[str] = ()) -> list[Case]:
@@ -380,7 +414,7 @@ def cases_for(vehicle: Vehicle, file: TrialFile, only: Sequence[str] = ()) -> li
     rows = [row for case in listed for row in _rows(case, vehicle)]
     names = [case.name for case in rows]
     if twice := sorted({name for name in names if names.count(name) > 1}):
-        raise InputError(f"cases: expected each error and size once, got '{twice[0]}' twice")
+        raise InputError(f"{file.path}: cases: expected each error and size once, got '{twice[0]}' twice")
     errors = dict.fromkeys(case.error for case in rows)
     if unknown := [name for name in only if name not in errors]:
         raise InputError(f"--only: expected errors of {', '.join(errors)}, got '{unknown[0]}'")

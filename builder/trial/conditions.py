@@ -12,10 +12,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from math import degrees, pi, radians
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import AfterValidator, Field, NonNegativeFloat, model_validator
 
 from builder.truth.flow_table import FlowTable, flow_states
 from builder.vehicle.file import Vehicle
@@ -43,7 +43,15 @@ FEWER_BEYOND = 4
 """Beyond the envelope of another shape than a body of revolution there are fewer conditions by this factor: each
 needs a flow of its own."""
 
-Pair = list[float]
+
+def _rising(pair: list[float]) -> list[float]:
+    if pair[0] > pair[1]:
+        raise ValueError(f"expected the smaller number first, got {pair}")
+    return pair
+
+
+TWO = Field(min_length=2, max_length=2), AfterValidator(_rising)
+Pair = Annotated[list[NonNegativeFloat], *TWO]
 """Smallest and largest value."""
 
 
@@ -65,13 +73,20 @@ class Where(Section):
     """
 
     altitudes: Literal["listed", "map"] = "listed"
-    altitudes_km: Pair | None = Field(default=None, min_length=2, max_length=2)
+    altitudes_km: Annotated[list[Altitude], *TWO] | None = None
     altitude_km: Altitude | None = None
-    incidence: Pair | None = Field(default=None, min_length=2, max_length=2)
-    incidence_deg: Pair | None = Field(default=None, min_length=2, max_length=2)
-    edge: Pair | None = Field(default=None, min_length=2, max_length=2)
+    incidence: Pair | None = None
+    incidence_deg: Pair | None = None
+    edge: Pair | None = None
     mach: float | None = Field(default=None, gt=0.0)
     mirrored: bool = False
+
+    @model_validator(mode="after")
+    def _one_of_each(self) -> Where:
+        for one, other in (("altitude_km", "altitudes_km"), ("incidence", "incidence_deg")):
+            if getattr(self, one) is not None and getattr(self, other) is not None:
+                raise ValueError(f"expected {one} or {other}, got both")
+        return self
 
     @property
     def is_beyond(self) -> bool:
@@ -303,6 +318,19 @@ def uniform_conditions(
 def range_of(values: Sequence[float]) -> tuple[float, float]:
     """Return the smallest and the largest of ``values``."""
     return min(values), max(values)
+
+
+Quantity = Literal[
+    "mach_number",
+    "angle_of_attack",
+    "sideslip_angle",
+    "altitude",
+    "total_incidence",
+    "leeward_roll_angle",
+    "dynamic_pressure",
+    "static_pressure",
+]
+"""Of a flight condition."""
 
 
 def quantities(conditions: Sequence[FlightCondition], name: str) -> FloatArray:

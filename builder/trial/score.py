@@ -227,7 +227,7 @@ class Limit:
         return f"{name}{whose} {value:.3g} +- {error:.2g}{unit}, {aim}{unit} aimed at"
 
 
-OF_SAMPLE = ("flagged_percent", "alarm_percent", "undetected_percent")
+OF_SAMPLE = ("flagged_percent", "alarm_percent", *(f"{part}_percent" for part in PARTS))
 """Columns whose limits are of all loads together."""
 
 COVERED = Limit(column="covered_percent", low=99.0)

@@ -131,7 +131,27 @@ def test_wrong_entries_are_named_a_line_each(tmp_path: Path) -> None:
     for entries, message in (
         ('{ error = "a", when = ["not round"] }', r"'a ': expected properties of the vehicle, .*, got 'round'"),
         ('{ error = "a", built = { set = { colour = 1.0 } } }', "'a ': expected kinds of error, .*, got 'colour'"),
-        ('{ error = "a" }, { error = "a" }', "each error and size once, got 'a ' twice"),
+        (
+            '{ error = "a" }, { error = "a" }',
+            r"^.*trial\.toml: cases: expected each error and size once, got 'a '",
+        ),
+        ('{ error = "a", built = { set = { wall_taper = -150.0 } } }', "wall_taper: expected more than -100 %"),
+        (
+            '{ error = "a", where = { incidence = [0.8, 0.2] } }',
+            "where.incidence: expected the smaller number first",
+        ),
+        (
+            '{ error = "a", where = { altitudes_km = [-5.0, 10.0] } }',
+            r"altitudes_km.1: expected 0 \.\. 71, got -5.0",
+        ),
+        ('{ error = "a", where = { edge = [1.0] } }', "where.edge: expected at least 2 values"),
+        ('{ error = "a", where = { altitude_km = 9.0, altitudes_km = [5.0, 9.0] } }', "altitudes_km, got both"),
+        ('{ error = "a", tenths_by = ["mach"] }', "tenths_by.1: expected 'mach_number', .*, got 'mach'"),
+        (
+            '{ error = "a", at_most = { flaged_percent = 5.0 } }',
+            "expected aims of columns, .*, got 'flaged_percent'",
+        ),
+        ('{ error = "a", draws = 0.0 }', "draws: expected above 0, got 0.0"),
     ):
         path.write_text(f'[[group]]\nclass = "alone"\ncases = [{entries}]')
         with pytest.raises(InputError, match=message):

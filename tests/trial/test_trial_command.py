@@ -105,6 +105,10 @@ def test_from_vehicle_file_to_table(tmp_path: Path, run: Run, monkeypatch: pytes
     code, out, _ = run(*command, "--only", "three gauges lost", "--estimators", "linear")
     assert code == 0
     assert "bias of one gauge" not in out
+    code, out, message = run(*command, "--only", "too fast")
+    assert code == 2
+    assert "left out: mach_number:" in out
+    assert message == f"strainfmu: {own}: expected cases that this vehicle can fly, got 1, all left out\n"
     code, _, message = run("stress", "-o", folder, "--map", given)
     assert code == 2
     assert "gauges of layout 'configuration_2': expected" in message

@@ -145,16 +145,18 @@ def _range_at(location: tuple[int | str, ...], model: type[BaseModel]) -> str:
     """Return the range allowed for the number that ``location`` points at, "" where it has none."""
     keys = [part for part in location if not isinstance(part, int) and not _is_member(part)]
     low = high = ""
+    least = "at least"
     for submodel in _models_at(location, model):
         field = submodel.model_fields.get(str(keys[-1]))
         for limit in _constraints(field) if field is not None else ():
             if isinstance(limit, Ge | Gt):
                 low = f"{limit.ge if isinstance(limit, Ge) else limit.gt:g}"
+                least = "at least" if isinstance(limit, Ge) else "above"
             if isinstance(limit, Le | Lt):
                 high = f"{limit.le if isinstance(limit, Le) else limit.lt:g}"
     if low and high:
-        return f"{low} .. {high}"
-    return f"at least {low}" if low else f"at most {high}" if high else ""
+        return f"{low} .. {high}" if least == "at least" else f"{least} {low}, at most {high}"
+    return f"{least} {low}" if low else f"at most {high}" if high else ""
 
 
 def _constraints(field: FieldInfo) -> Iterator[Any]:
