@@ -69,9 +69,9 @@ def spline_coefficients(
             known = at_zero is not None or m.start > 0
             start = at_zero[..., m, :] if at_zero is not None and m.start == 0 else np.zeros_like(of_m[:, 0])
             fitted = _fitted(knots, incidence, of_m, start if known else None, m.start)
-            parts.append(_as_bspline(knots, _through(knots, fitted, m.start), axis=1))
+            parts.append(np.tensordot(_bspline_matrix(knots, _cardinal(knots, m.start)), fitted, 1))
     of_incidence = np.concatenate(parts, axis=-2)
-    return knots, interpolating(mach, of_incidence)
+    return knots, interpolating(mach, np.moveaxis(of_incidence, 1, 0))
 
 
 def interpolating(knots: FloatArray, values: FloatArray) -> FloatArray:
@@ -79,49 +79,48 @@ def interpolating(knots: FloatArray, values: FloatArray) -> FloatArray:
 
     Three knots have a parabola, two a straight line.
     """
-    return _as_bspline(knots, CubicSpline(knots, values, axis=0), axis=0)
+    matrix = _bspline_matrix(knots, CubicSpline(knots, np.eye(len(knots))))
+    return np.asarray(np.tensordot(matrix, values, 1))
 
 
-def _through(knots: FloatArray, values: FloatArray, m: int) -> CubicSpline:
-    """Return the spline of harmonic ``m`` through ``values`` (n_M, n_k, ...), by symmetry at zero incidence."""
+def _cardinal(knots: FloatArray, m: int) -> CubicSpline:
+    """Return the splines of harmonic ``m``, by symmetry at zero incidence, which are 1 at one of ``knots`` (n,)
+    each."""
     order = 2 if m == 1 else 1  # of the derivative that vanishes
-    zero = np.zeros_like(values[:, 0])
+    zero = np.zeros(len(knots))
     end = "not-a-knot" if len(knots) > 3 else (2, zero)
-    return CubicSpline(knots, values, axis=1, bc_type=((order, zero), end))
+    return CubicSpline(knots, np.eye(len(knots)), bc_type=((order, zero), end))
 
 
 def _fitted(
     knots: FloatArray, incidence: FloatArray, values: FloatArray, start: FloatArray | None, m: int
 ) -> FloatArray:
-    """Return the values (n_M, n_k, ...) at ``knots`` whose spline fits ``values`` (n_M, n_a, ...) best.
+    """Return the values (n_k, n_M, ...) at ``knots`` whose spline fits ``values`` (n_M, n_a, ...) best.
 
     ``start`` (n_M, ...) is the value without incidence. None continues the spline to there: as for an even
     function without a knot at zero, its third derivative is 0 in the first interval.
     """
-    n, through = len(knots), _through(knots, np.eye(len(knots))[None], m)
-    cardinal, data = np.asarray(through(incidence))[0], np.moveaxis(values, 1, 0)
+    spline, data = _cardinal(knots, m), np.moveaxis(values, 1, 0)
+    at_data = np.asarray(spline(incidence))
     if start is None:
-        third = np.asarray(through(0.0, 3))[0]
+        third = np.asarray(spline(0.0, 3))
         of_others = -third[1:] / third[0]
-        design = cardinal[:, 1:] + np.outer(cardinal[:, 0], of_others)
-        rest = np.linalg.lstsq(design, data.reshape(len(incidence), -1), rcond=None)[0]
-        fitted = np.concatenate([of_others[None] @ rest, rest])
+        design = at_data[:, 1:] + np.outer(at_data[:, 0], of_others)
+        rest = np.tensordot(np.linalg.pinv(design), data, 1)
+        start = np.tensordot(of_others, rest, 1)
     else:
-        remainder = data - cardinal[:, :1].reshape(-1, *[1] * (data.ndim - 1)) * start
-        rest = np.linalg.lstsq(cardinal[:, 1:], remainder.reshape(len(incidence), -1), rcond=None)[0]
-        fitted = np.concatenate([start.reshape(1, -1), rest])
-    return np.moveaxis(fitted.reshape(n, *data.shape[1:]), 0, 1)
+        remainder = data - np.multiply.outer(at_data[:, 0], start)
+        rest = np.tensordot(np.linalg.pinv(at_data[:, 1:]), remainder, 1)
+    return np.concatenate([start[None], rest])
 
 
-def _as_bspline(knots: FloatArray, spline: PPoly, axis: int) -> FloatArray:
-    """Return the coefficients of ``spline``, piecewise cubic on ``knots`` (n,), n + 2 along ``axis``."""
+def _bspline_matrix(knots: FloatArray, cardinal: PPoly) -> FloatArray:
+    """Return (n + 2, n) coefficients of ``cardinal`` splines, piecewise cubic on ``knots`` (n,)."""
     padded = padded_knots(knots)
     sites = np.array([padded[i + 1 : i + 1 + DEGREE].mean() for i in range(len(knots) + 2)])
     sites = np.clip(sites, knots[0], knots[-1])  # the mean of equal knots may round beyond them
     design = BSpline.design_matrix(sites, padded, DEGREE).toarray()
-    values = np.moveaxis(np.asarray(spline(sites)), axis, 0)
-    solved = np.linalg.solve(design, values.reshape(len(sites), -1)).reshape(values.shape)
-    return np.moveaxis(solved, 0, axis)
+    return np.asarray(np.linalg.solve(design, np.asarray(cardinal(sites))))
 
 
 MACH_FRACTION = 0.5
