@@ -14,11 +14,13 @@ import pickle
 import subprocess
 import sys
 from collections.abc import Callable, Generator, Iterator
+from functools import cache
 from math import radians
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import hypothesis
+import lark
 import pytest
 from kept_results import folder_of_sources, kept_results
 from ogive import OGIVE
@@ -187,6 +189,16 @@ def few_samples(request: pytest.FixtureRequest) -> str:
 def quickly_packed() -> None:
     """Pack FMUs, of which tests make hundreds, without compressing them."""
     archive.LEVEL = 0
+
+
+@pytest.fixture(scope="session", autouse=True)
+def names_parsed_once() -> Iterator[None]:
+    """Have FMPy parse a name of a variable once: FMUs of tests have many in common."""
+    parser = cache(lark.Lark)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(lark.Lark, "parse", cache(lark.Lark.parse))
+        patch.setattr(lark, "Lark", parser)
+        yield
 
 
 DEMO = """

@@ -110,7 +110,7 @@ def test_gauge_one_millimetre_off_the_surface(vehicle: Path, run: Run) -> None:
         # Too slow for supersonic flow over the tip.
         (
             "mach_number = [4.0, 4.5, 5.0]\nangle_of_attack_deg = [0.0, 3.0, 6.0]",
-            "mach_number = [1.1, 1.15, 1.2]\nangle_of_attack_deg = [0.0]",
+            "mach_number = [1.1]\nangle_of_attack_deg = [0.0]",
             ("x = 0 m (tip)", "M 1.1"),
         ),
         # A steep corner far from the tip.
@@ -125,7 +125,7 @@ def test_gauge_one_millimetre_off_the_surface(vehicle: Path, run: Run) -> None:
 def test_condition_outside_the_solvers_reach(
     vehicle: Path, tmp_path: Path, run: Run, old: str, new: str, words: tuple[str, ...]
 ) -> None:
-    change(vehicle, (old, new))
+    change(vehicle, (old, new), ("modes = 4", "modes = 1"))
     outcome = run("build", vehicle, "-o", tmp_path / "out")
     refused(outcome, "axial Mach number falls to 1", "total incidence", *words)
     # What was solved beside it is kept, and nothing else.

@@ -20,7 +20,7 @@ from strainfmu.files import fingerprint
 
 Run = Callable[..., tuple[int, str, str]]
 
-KNOTS = 4
+KNOTS = 2
 QUICK = {"stress": ("--conditions", "3", "--draws", "1")}
 
 

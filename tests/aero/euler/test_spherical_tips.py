@@ -14,7 +14,7 @@ from builder.aero.euler.bodies import body_march
 from builder.aero.euler.bodies.solver import FlowSolution, solve_flow, solve_full_flow
 from builder.aero.euler.bodies.surface_function import cap_of
 from builder.aero.euler.planes import GRID_LEVELS, MarchingGrid
-from builder.aero.euler.starts import spherical_start
+from builder.aero.euler.starts import sphere_flow, spherical_start
 from builder.aero.euler.starts.sphere_flow import SphereFlow, solve_sphere
 from builder.vehicle.shape.geometry import BodyOfRevolution, Segment, chain_pieces
 from builder.vehicle.shape.profile_entries import Haack, PowerLaw, spherical_cap, with_end_angles
@@ -259,6 +259,7 @@ def test_what_no_cap_can_help_is_refused(monkeypatch: pytest.MonkeyPatch) -> Non
         return found
 
     monkeypatch.setattr(spherical_start, "solve_sphere", once_tried)
+    monkeypatch.setattr(sphere_flow, "MAX_ITERATIONS", 6)
     not_found = r"the flow over the spherical tip is not found at Mach number 1\.2 for M 1\.2"
     for body, said in ((sphere_cone(0.08, 9.0, 1.6), not_found), (von_karman(3.0), "outside the solver's reach")):
         with pytest.raises(FlowReachError, match=said):
