@@ -112,7 +112,7 @@ draws = 2
 
 
 def pickled(tasks: Sequence[Task], *arguments: Any, **options: Any) -> Any:
-    """Run tasks as other processes get them; that these give the same is tested of trials, which run as studies."""
+    """Run tasks as other processes get them: that these give the same is tested of trials, which run alike."""
     return run_tasks(pickle.loads(pickle.dumps(tasks)), *arguments, **options)
 
 
