@@ -12,7 +12,6 @@ from base64 import b64decode, b64encode
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
-from xml.etree.ElementTree import Element, parse
 
 import numpy as np
 from pythonfmu import Fmi2Slave
@@ -108,10 +107,6 @@ class EstimatorSlave(Fmi2Slave):
         self._time, self._end = 0.0, 0.0
         self._stop_time: float | None = None
         self._angles_reported = False
-
-    def to_xml(self, model_options: dict[str, str] | None = None) -> Element:
-        """Return the model description that the export laid next to this file (packaging only)."""
-        return parse(Path(self.resources) / "model_description.xml").getroot()
 
     def setup_experiment(self, start_time: float, stop_time: float | None, tolerance: float | None) -> None:
         """Take the stop time [s], None for none."""

@@ -10,7 +10,6 @@ from __future__ import annotations
 import json
 from pathlib import Path
 from typing import Any
-from xml.etree.ElementTree import Element, parse
 
 import numpy as np
 from pythonfmu import Fmi2Slave
@@ -49,10 +48,6 @@ class PlantSlave(Fmi2Slave):
         self._stop_time: float | None = None
         self._outdated, self._initialized, self._held = True, False, False
         self._restart_noise()
-
-    def to_xml(self, model_options: dict[str, str] | None = None) -> Element:
-        """Return the model description that the export laid next to this file (packaging only)."""
-        return parse(Path(self.resources) / "model_description.xml").getroot()
 
     def setup_experiment(self, start_time: float, stop_time: float | None, tolerance: float | None) -> None:
         """Begin at ``start_time`` [s] and take the stop time [s], None for none."""

@@ -33,7 +33,18 @@ CAPABILITIES = {
 }
 """What a PythonFMU slave of this project can do (attributes of CoSimulation, FMI 2.0, section 4.3.1)."""
 
-_DESCRIPTION_FILE = "model_description.xml"
+_WITHOUT_VARIABLES = """
+from pythonfmu import Fmi2Slave
+
+
+class Slave(Fmi2Slave):
+    def __init__(self, **kwargs):
+        super().__init__(**kwargs)
+        self.modelName = {model_identifier!r}
+
+    def do_step(self, current_time, step_size):
+        return True
+"""
 _OWN_IMPORT = re.compile(r"^(\s*from )strainfmu(?=[. ])", re.MULTILINE)
 # Modules that FMUs of this project bring along: PythonFMU's and those with a hash in their names.
 _FMU_MODULE = re.compile(r"(pythonfmu|(strainfmu|\w+_slave)_[0-9a-f]{12})(\..*)?")
@@ -96,61 +107,40 @@ def python_entries(description: FmuDescription, code: SlaveCode, payload: Mappin
     StrainfmuError
         PythonFMU is not installed, or a temporary file could not be written.
     """
+    suffix = hashlib.sha256(f"{description.guid}{code.digest}".encode()).hexdigest()[:12]
+    package, module = f"strainfmu_{suffix}", f"{code.name}_{suffix}"
+    model_description = model_description_bytes(description)
+    files = {
+        **payload,
+        "fmu.json": json.dumps({"model_identifier": description.model_identifier}).encode(),
+        f"{module}.py": with_own_package(code.text, package).encode(),
+        **{f"{package}/{name}": with_own_package(text, package).encode() for name, text in code.sources.items()},
+    }
     try:
-        with tempfile.TemporaryDirectory(prefix="strainfmu_") as folder:
-            stage = Path(folder)
-            script, project_files = _stage(
-                folder=stage / "resources", description=description, code=code, payload=payload
-            )
-            entries = _run_pythonfmu(script, project_files, stage)
+        entries = _packed_by_pythonfmu(module, description.model_identifier)
     except OSError as error:
         raise StrainfmuError(f"the FMU could not be packed: {error.strerror or error}") from error
-    # As generated, not as PythonFMU formatted it.
-    entries["modelDescription.xml"] = entries.pop(f"resources/{_DESCRIPTION_FILE}")
+    entries |= {f"resources/{name}": content for name, content in files.items()}
+    entries["modelDescription.xml"] = model_description
     return entries
 
 
-def _stage(
-    folder: Path, description: FmuDescription, code: SlaveCode, payload: Mapping[str, bytes]
-) -> tuple[Path, list[Path]]:
-    """Lay out what goes into ``resources/``; return the slave's file and all that goes next to it."""
-    suffix = hashlib.sha256(f"{description.guid}{code.digest}".encode()).hexdigest()[:12]
-    package = f"strainfmu_{suffix}"
-    files = {
-        **payload,
-        _DESCRIPTION_FILE: model_description_bytes(description),
-        "fmu.json": json.dumps({"model_identifier": description.model_identifier}).encode(),
-        f"{code.name}_{suffix}.py": with_own_package(code.text, package).encode(),
-    }
-    for name, text in code.sources.items():
-        files[f"{package}/{name}"] = with_own_package(text, package).encode()
-    _write_files(folder, files)
-    script = folder / f"{code.name}_{suffix}.py"
-    return script, [item for item in sorted(folder.iterdir()) if item != script]
+def _packed_by_pythonfmu(module: str, model_identifier: str) -> dict[str, bytes]:
+    """Let PythonFMU pack a slave without variables; return the content of the entries by name.
 
-
-def _write_files(folder: Path, files: Mapping[str, bytes]) -> None:
-    """Write ``files`` under ``folder``, making folders as needed."""
-    for name, content in files.items():
-        target = folder / name
-        target.parent.mkdir(parents=True, exist_ok=True)
-        target.write_bytes(content)
-
-
-def _run_pythonfmu(script: Path, project_files: Sequence[Path], stage: Path) -> dict[str, bytes]:
-    """Let PythonFMU pack the FMU; return the content of its entries by name."""
-    with imports_put_back():
+    PythonFMU imports what it packs, and asks it for a description: of the slave itself that would take half a
+    second, for a description that is not used.
+    """
+    with tempfile.TemporaryDirectory(prefix="strainfmu_") as folder, imports_put_back():
         try:
             from pythonfmu.builder import FmuBuilder
         except ImportError as error:
             raise StrainfmuError("PythonFMU is not installed: pip install 'strainfmu[fmu]'") from error
-        packed = FmuBuilder.build_FMU(
-            script,
-            dest=stage / "packed.fmu",
-            project_files=project_files,
-        )
-    with zipfile.ZipFile(packed) as archive:
-        return {name: archive.read(name) for name in archive.namelist()}
+        script = Path(folder, f"{module}.py")
+        script.write_bytes(_WITHOUT_VARIABLES.format(model_identifier=model_identifier).encode())
+        packed = FmuBuilder.build_FMU(script, dest=Path(folder, "packed.fmu"))
+        with zipfile.ZipFile(packed) as archive:
+            return {name: archive.read(name) for name in archive.namelist()}
 
 
 @contextmanager
