@@ -289,4 +289,4 @@ def test_evidence_of_a_term_is_the_ratio_of_both_densities(model: ReadingsModel)
         covariance = rows @ rows.T + np.diag(one.test.reading_stds[used] ** 2)
         left = (reading - predicted)[used]
         density.append(-0.5 * (left @ np.linalg.solve(covariance, left) + np.linalg.slogdet(covariance)[1]))
-    assert evidence._of_terms(support) == pytest.approx(density[1] - density[0], rel=1e-6)
+    assert next(evidence._of_terms([support])) == pytest.approx(density[1] - density[0], rel=1e-6)

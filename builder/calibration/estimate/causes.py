@@ -183,7 +183,7 @@ class Evidence:
     def ranking(self) -> list[tuple[Cause, float]]:
         """Return every cause, the best first, with the logarithm of how much more probable it makes the readings
         than it must."""
-        every = [(cause, self._of_terms(cause)) for cause in self.causes]
+        every = [*zip(self.causes, self._of_terms(self.causes), strict=True)]
         gains = (
             (cause, gain - least_of(cause)) for cause, gain in (*every, *self._of_scatter(), self._of_noise())
         )
@@ -196,7 +196,7 @@ class Evidence:
 
     def sizes(self, cause: Cause) -> FloatArray:
         """Return what the readings say of the entries of ``cause``, (n_entries,), or of its one quantity, (1,)."""
-        b, a, std = self._terms(cause)
+        ((b, a, std),) = self._terms([cause])
         return np.asarray(std * np.linalg.solve(a, b))
 
     def part_of_gauge(self, cause: Cause) -> float:
@@ -209,23 +209,30 @@ class Evidence:
         strain = float(np.std(self._predicted[rows]))
         return float(np.sqrt(np.mean(change**2))) / strain if strain > 0.0 else np.inf
 
-    def _of_terms(self, cause: Cause) -> float:
-        b, a, _ = self._terms(cause)
-        size = np.linalg.solve(a, b)
-        if cause.kind == "mass" and size[0] <= 0.0:  # none hangs upwards
-            return -np.inf
-        return 0.5 * float(b @ size - np.linalg.slogdet(a)[1])
+    def _of_terms(self, causes: Sequence[Cause]) -> Iterator[float]:
+        for cause, (b, a, _) in zip(causes, self._terms(causes), strict=True):
+            size = np.linalg.solve(a, b)
+            upwards = cause.kind == "mass" and size[0] <= 0.0  # no mass hangs so
+            yield -np.inf if upwards else 0.5 * float(b @ size - np.linalg.slogdet(a)[1])
 
-    def _terms(self, cause: Cause) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def _terms(self, causes: Sequence[Cause]) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
         """Return b and A of the module's formula, and the standard deviations that the columns are scaled by."""
-        if cause.together:
-            std = np.ones(1)
-            columns = csr_array((self._slope[:, cause.entries] @ cause.wide)[:, None])
-        else:
-            std = np.sqrt(np.maximum(cause.wide**2 - self.model.std[cause.entries] ** 2, 0.0))
-            columns = scaled_columns(self._slope[:, cause.entries].tocsr(), std)
-        b, a = self._linear.terms(columns)
-        return b, np.eye(len(a)) + a, std
+        stds, parts, place, size = list[FloatArray](), list[slice](), list[IntArray](), list[FloatArray]()
+        for cause in causes:
+            start = parts[-1].stop if parts else 0
+            if cause.together:
+                std, scale, column = np.ones(1), cause.wide, np.full(len(cause.entries), start)
+            else:
+                std = np.sqrt(np.maximum(cause.wide**2 - self.model.std[cause.entries] ** 2, 0.0))
+                scale, column = std, start + np.arange(len(std))
+            stds.append(std)
+            parts.append(slice(start, start + len(std)))
+            place.append(np.stack([cause.entries, column]))
+            size.append(scale)
+        shape = len(self.model.std), parts[-1].stop
+        columns = self._slope @ csr_array((np.concatenate(size), np.hstack(place)), shape=shape)
+        found = self._linear.terms(columns.tocsr(), parts)
+        return [(b, np.eye(len(a)) + a, std) for (b, a), std in zip(found, stds, strict=True)]
 
     def _of_noise(self) -> tuple[Cause, float]:
         before = self.model.noise_factor  # noise that was taken for larger before another cause was found

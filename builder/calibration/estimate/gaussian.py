@@ -20,6 +20,7 @@ Source: Golub & Van Loan, Matrix Computations, 4th edition, section 4.3.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -266,9 +267,14 @@ class GaussianModel:
         covariance = np.asarray(np.linalg.inv(self.precision_of(numbers)), dtype=np.float64)
         return covariance @ self.weighted[numbers], covariance
 
-    def terms(self, columns: csr_array) -> tuple[FloatArray, FloatArray]:
-        """Return C' S^-1 misfit (m,) and C' S^-1 C (m, m) of further columns C (n, m)."""
+    def terms(self, columns: csr_array, parts: Sequence[slice]) -> list[tuple[FloatArray, FloatArray]]:
+        """Return C' S^-1 misfit (m,) and C' S^-1 C (m, m) of further columns C (n, m), for each of ``parts`` of
+        ``columns``."""
         across = columns.T.tocsr()
-        single, common = across @ self._halves[0], across @ self._halves[1]
-        square = (across @ columns - single @ single.T).toarray() - common @ common.T
-        return across @ self.weighted, np.asarray(square)
+        single, common, linear = across @ self._halves[0], across @ self._halves[1], across @ self.weighted
+        found = []
+        for part in parts:
+            own, seen = across[part], single[part]
+            square = (own @ own.T - seen @ seen.T).toarray() - common[part] @ common[part].T
+            found.append((linear[part], np.asarray(square)))
+        return found
