@@ -16,7 +16,7 @@ from strainfmu.can.frame import Frame, MalformedFrame, error_line, import_can, t
 from strainfmu.can.frame_layout import FrameLayout
 from strainfmu.can.frame_queue import FrameQueue
 from strainfmu.can.machine import Machine, Result
-from strainfmu.can.quality import FrameAccount, Quality
+from strainfmu.can.quality import Cause, FrameAccount, Quality
 from strainfmu.can.result_frames import STATUS_PERIOD
 
 Clock = Callable[[], float]
@@ -52,18 +52,20 @@ class Taps:
 
 @dataclass(kw_only=True, eq=False)
 class ResultCounts:
-    """Results by quality, estimates by state of health, and number of results with Mach number and altitude; of a
-    run or a log of a ``duration`` [s], with the account of all its frames."""
+    """Results by quality and by causes, estimates by state of health, and number of results with Mach number and
+    altitude; of a run or a log of a ``duration`` [s], with the account of all its frames."""
 
     duration: float = 0.0
     account: FrameAccount = field(default_factory=FrameAccount)
     qualities: Counter[Quality] = field(default_factory=Counter)
+    causes: Counter[Cause] = field(default_factory=Counter)
     healths: Counter[int] = field(default_factory=Counter)
     navigated: int = 0
 
     def add(self, result: Result) -> None:
         """Count a result."""
         self.qualities[result.quality] += 1
+        self.causes[result.causes] += 1
         if result.health is not None:
             self.healths[result.health] += 1
         self.navigated += isfinite(result.mach_number) and isfinite(result.altitude)

@@ -40,6 +40,7 @@ class StatedLimits:
     ----------
     max_age : maximum age of strains that are used, and maximum time for which a whole cycle may repeat itself,
         longer where quiet gauges do so by chance.
+    deadline : from the first frame of a cycle until the cycle is closed, complete or not.
     stuck_cycles : equal raw values in a row after which a gauge is left out; 0 turns this check and the checks of
         frames and the whole cycle off, for signals that are constant by nature; None: as the gauge's noise allows.
     clock_tolerance : largest difference of the rates of two clocks [s/s]; a delay that grows faster is age.
@@ -50,6 +51,7 @@ class StatedLimits:
     """
 
     max_age: float = 5.0
+    deadline: float = 0.5
     stuck_cycles: int | None = None
     clock_tolerance: float = 1e-4
     synchronised: float | None = None
@@ -63,7 +65,6 @@ class BridgeSettings(StatedLimits):
 
     Attributes
     ----------
-    deadline : from the first frame of a cycle until the cycle is closed, complete or not.
     pressure_max_age : maximum age of q_inf that is used.
     navigation_max_age : maximum age of Mach number and altitude that are used.
     sensor_max_age : maximum age of readings of auxiliary sensors, and of thrust, that are used.
@@ -82,7 +83,6 @@ class BridgeSettings(StatedLimits):
     burst, rate : frames of one identifier that are accepted at once, and per cycle for long.
     """
 
-    deadline: float = 0.5
     pressure_max_age: float = 10.0
     navigation_max_age: float = 10.0
     sensor_max_age: float = 2.0

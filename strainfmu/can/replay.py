@@ -26,6 +26,7 @@ from strainfmu.can.setup import make_machine
 from strainfmu.can.signals import SignalPlan
 from strainfmu.cosim.estimators.source import LOAD_OUTPUTS, open_step
 from strainfmu.cosim.estimators.step import Step, load_groups_of
+from strainfmu.errors import InputError
 from strainfmu.estimator.air_inputs import AIR_INPUTS, DYNAMIC_PRESSURE, FLOW_QUANTITIES
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 from strainfmu.estimator.other_loads import output_units
@@ -91,6 +92,11 @@ def replay_log(
     source : file of the estimator, compared with the one of the recording.
     step, gauge_names : of the estimator.
     options : makes the options from the recording's, None if the log has no description next to it.
+
+    Raises
+    ------
+    InputError
+        The log is damaged, or holds no frame of the channel that is read.
     """
     described = load_description(log)
     chosen = options(None if described is None else described["options"])
@@ -99,8 +105,8 @@ def replay_log(
     frames = log_frames(log, 0.0 if described is None else described["log_start"], state=state, progress=progress)
     first = next(frames, None)
     if first is None:
-        summary.notes.append(f"{log}: holds no frame")
-        return summary
+        seen = f" on bus.log_channel {state.channel}, but on {', '.join(sorted(state.seen))}" if state.seen else ""
+        raise InputError(f"{log}: holds no frame{seen}")
     start = first[0].time if described is None else described["start"]
     counter = 0 if described is None else described["first_result"]
     machine, layouts, configuration, _ = make_machine(step, chosen, gauge_names, start=start, first=counter)
@@ -140,6 +146,9 @@ def replay_log(
     summary.account = machine.account
     summary.compared, summary.equal = comparison.compared, comparison.equal
     summary.notes += [*_notes(log, source, state=state, described=described), *gaps.notes(log, start)]
+    partial = sum(n for causes, n in summary.causes.items() if causes & Cause.PARTIAL_CYCLE)
+    if not summary.results or 2 * partial > summary.causes.total():
+        summary.notes.append(f"{log}: {machine.frames_text()}")
     return summary
 
 

@@ -221,7 +221,10 @@ def checked_signal(signal: SignalLayout, layout: FrameLayout) -> SignalLayout:
     if signal.kind == FLOAT and signal.length not in FLOAT_LENGTHS:
         raise InputError(f"{where}: a float of {signal.length} bits found, 16, 32 or 64 allowed")
     if not (np.isfinite(signal.scale) and signal.scale != 0.0 and np.isfinite(signal.offset)):
-        raise InputError(f"{where}: expected finite numbers, got scale {signal.scale:g}, offset {signal.offset:g}")
+        raise InputError(
+            f"{where}: expected finite numbers, a scale other than 0, got scale {signal.scale:g}, offset "
+            f"{signal.offset:g}"
+        )
     if min(signal.bits) < 0 or max(signal.bits) >= 8 * layout.length:
         raise InputError(f"{where}: reaches beyond the frame's {layout.length} bytes")
     return signal

@@ -108,6 +108,7 @@ def test_navigation_is_replayed_counted_and_written(synthetic: SyntheticFiles, t
     rows = dict(summary_rows(live.summary))
     assert rows["results with Mach number and altitude"] == str(len(known))
     assert int(rows["health OK"]) > 30
+    assert int(rows["cause NOT_TRUSTED: a frame is not trusted end to end"]) < 10
     code, printed, errors = run("replay", log, synthetic.estimator_1, "-o", out)
     assert (code, errors) == (0, "")
     assert "results with Mach number and altitude" in printed
@@ -183,8 +184,19 @@ def test_estimate_takes_a_log_and_a_map(synthetic: SyntheticFiles, tmp_path: Pat
 def test_bad_logs_get_one_line(synthetic: SyntheticFiles, tmp_path: Path, run: Run) -> None:
     (tmp_path / "x.blf").write_bytes(b"this is no log at all" * 20)
     (tmp_path / "x.db").write_bytes(b"")
-    for name, line in (("x.blf", "damaged"), ("x.db", "expected one of .asc"), ("none.log", "no such file")):
-        code, _, errors = run("replay", tmp_path / name, synthetic.estimator_1, "-o", tmp_path / "o.csv")
+    (tmp_path / "x.log").write_text("(1.0) can0 123#00\n")
+    (tmp_path / "empty.log").write_text("")
+    for name, line in (
+        ("x.blf", "damaged"),
+        ("x.db", "expected one of .asc"),
+        ("none.log", "no such file"),
+        ("empty.log", "empty.log: holds no frame\n"),
+        ("x.log", "x.log: holds no frame on bus.log_channel can7, but on can0\n"),
+    ):
+        set_channel = ("--set", "bus.log_channel=can7") if name == "x.log" else ()
+        code, _, errors = run(
+            "replay", tmp_path / name, synthetic.estimator_1, "-o", tmp_path / "o.csv", *set_channel
+        )
         assert code == 2
         assert line in errors
         assert errors.count("\n") == 1

@@ -23,10 +23,14 @@ pytestmark = pytest.mark.fast
 class Bench:
     """A machine of two frames of strains, whose frames are given one by one; the sender may have a state."""
 
-    def __init__(self, profile: str = "fd64", n_gauges: int = 54, has_state: bool = False) -> None:
+    def __init__(
+        self, profile: str = "fd64", n_gauges: int = 54, has_state: bool = False, deadline: float = 0.5
+    ) -> None:
         layout = layout_of(profile, n_gauges)
         self.layout: InputLayout = layout if has_state else replace(layout, state=None)
-        self.machine: Machine = Machine(self.layout, Projection(n_gauges), BridgeSettings(), start=0.0)
+        self.machine: Machine = Machine(
+            self.layout, Projection(n_gauges), BridgeSettings(deadline=deadline), start=0.0
+        )
         self._encoder, self._random = StrainEncoder(self.layout), np.random.default_rng(1)
         self.n = n_gauges
         for cycle in range(6):
@@ -76,12 +80,13 @@ def test_a_frame_of_the_next_cycle_closes_a_partial_one_and_late_ones_are_refuse
     assert bench.give(replace(second_next, time=0.064))[0].valid.all()
 
 
-def test_the_deadline_closes_a_partial_cycle() -> None:
-    bench = Bench()
+@pytest.mark.parametrize("deadline", [0.5, 0.9])
+def test_the_deadline_closes_a_partial_cycle(deadline: float) -> None:
+    bench = Bench(deadline=deadline)
     bench.give(bench.frames(6)[1])
-    assert bench.machine.next_event == pytest.approx(0.06001 + 0.5 * CYCLE)
-    assert bench.machine.advance(0.065) == []
-    assert [int(result.valid.sum()) for result in bench.machine.advance(0.06502)] == [27]
+    assert bench.machine.next_event == pytest.approx(0.06001 + deadline * CYCLE)
+    assert bench.machine.advance(0.06 + deadline * CYCLE) == []
+    assert [int(result.valid.sum()) for result in bench.machine.advance(0.06002 + deadline * CYCLE)] == [27]
 
 
 def test_strains_that_come_behind_the_deadline_of_the_senders_state_are_refused() -> None:

@@ -199,7 +199,7 @@ def test_events_have_times_and_causes() -> None:
     lines = [f"{event['what']}: {event['why']}" for event in found]
     for expected in (
         "bridge connected: virtual:x",
-        "quality DEGRADED: PARTIAL_CYCLE: frames of the cycle are missing",
+        "quality DEGRADED: PARTIAL_CYCLE: frames of the cycle are missing, or come after trust.deadline_cycles",
         "2 gauges (d, e) not used: no frame",
         "2 gauges (d, e) used again: ",
         "gauge b suspect: does not fit the others; 2 that cannot be distinguished",

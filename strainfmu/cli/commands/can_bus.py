@@ -63,10 +63,15 @@ def summary_rows(summary: BridgeSummary) -> list[tuple[str, str]]:
 
 
 def result_rows(summary: ResultCounts) -> list[tuple[str, str]]:
-    """Return rows of results by quality, estimates by state of health, and of all frames by their class."""
+    """Return rows of results by quality and by cause, estimates by state of health, and of all frames by class."""
+    from strainfmu.can.quality import Cause, all_words
     from strainfmu.cosim.estimators.step import health_name
 
     rows = [(f"results {quality.name}", f"{n}") for quality, n in sorted(summary.qualities.items())]
+    words = all_words()["cause"]
+    for cause in Cause:
+        if count := sum(n for causes, n in summary.causes.items() if causes & cause):
+            rows.append((f"cause {cause.name}: {words[str(cause.name)]}", f"{count}"))
     rows += [(f"health {health_name(state)}", f"{n}") for state, n in sorted(summary.healths.items())]
     if summary.navigated:
         rows.append(("results with Mach number and altitude", f"{summary.navigated}"))
