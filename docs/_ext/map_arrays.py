@@ -3,12 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import fields
+from typing import Any
 
 from generated_text import GeneratedText
 from sphinx.application import Sphinx
 
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.map.schema import Entry, entries, records_of
+from strainfmu.estimator.map.schema import Entry, entries
+
+
+def records_of(record: Any, group: str = "") -> dict[str, type[Any]]:
+    """Return the types of records inside a type of records, by the path of their group; equal ones once."""
+    inside = dict[str, type[Any]]()
+    for item in fields(record):
+        kind = item.metadata.get("record")
+        if kind is not None and kind not in inside.values():
+            inside[group + item.name] = kind
+            inside |= records_of(kind, f"{group}{item.name}/")
+    return inside
 
 
 def _rows(name: str, one: Entry) -> Iterator[str]:

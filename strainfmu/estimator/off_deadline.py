@@ -22,14 +22,22 @@ import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import InputError
-from strainfmu.estimator.air_inputs import AIR_INPUT_NAMES, DYNAMIC_PRESSURE, INERTIAL_NAMES, STD, VIBRATION
+from strainfmu.estimator.air_inputs import (
+    AIR_INPUT_NAMES,
+    DYNAMIC_PRESSURE,
+    INERTIAL_NAMES,
+    MEASURED_MOTION,
+    NOT_KNOWN,
+    STD,
+    VIBRATION,
+)
 from strainfmu.estimator.core import Layout
 from strainfmu.estimator.estimate import Estimate, PressureField
 from strainfmu.estimator.gauge_zeros import GaugeZeros
 from strainfmu.estimator.map.flight_tables import LOG_PRESSURE, MACH, MIN_INCIDENCE, Response, U, W, evaluate
 from strainfmu.estimator.map.inverse_map import InverseMap, with_gauge_covariance
 from strainfmu.estimator.map.nonlinear_map import FlightField, ManifoldMap, ShapeField, with_known
-from strainfmu.estimator.map.sensors import readings_of_modes, vibration_ratio, with_vibration
+from strainfmu.estimator.map.sensors import LARGEST_CHANNEL, LARGEST_RISE, InertiaMap, ThermalMap
 from strainfmu.estimator.numerics import local_basis
 from strainfmu.estimator.other_loads import FIVE_LOADS, OTHER_LOADS
 from strainfmu.estimator.policies import LARGEST_USED_SCORE
@@ -132,6 +140,63 @@ def _without_motion(
     about_tables = of_map if tables is None else tables.gauge_covariance
     noise, of_tables = (row_noise(inverse_map, gamma, zeros, remaining) for gamma in (of_map, about_tables))
     return with_gauge_covariance(inverse_map, noise, of_tables), rows
+
+
+LEAST_VIBRATION, MOST_VIBRATION, NO_VIBRATION = 0.0625, 1024.0, 1e-6
+"""Vibration over its standard deviation in the map: what counts as none, and the largest; what stands for none."""
+
+
+def channels_of(values: Mapping[str, FloatArray]) -> FloatArray:
+    """Return the channels (m, k) of m samples of the inertial inputs by name, NaN where not known."""
+    known = [
+        np.where(values[name] == NOT_KNOWN, np.nan, values[name])
+        for name in (item.name for item in MEASURED_MOTION)
+    ]
+    force, (x, y, z), turn = known[:3], known[3:6], known[6:]
+    products = (-(y * y + z * z), -(x * x + z * z), -(x * x + y * y), x * y, x * z, y * z)
+    return np.stack([*force, *turn, *products], axis=1)
+
+
+def readings_of_modes(
+    thermal: ThermalMap,
+    inertia: InertiaMap | None,
+    temperature: FloatArray,
+    inertial: Mapping[str, FloatArray],
+) -> tuple[FloatArray, BoolArray]:
+    """Return readings (m, n_t + k) of :func:`with_inertia` of m samples, and which of them are known.
+
+    ``temperature`` is (m, n_t) [K], ``inertial`` holds (m,) of each inertial input.
+    """
+    rise = temperature - thermal.reference_temperature
+    known = (temperature > 0.0) & (np.abs(rise) <= LARGEST_RISE)
+    if inertia is None:
+        return temperature, known
+    channels = channels_of(inertial)
+    read = np.hstack([temperature, thermal.reference_temperature + channels])
+    return read, np.hstack([known, np.abs(channels) <= LARGEST_CHANNEL])
+
+
+def vibration_ratio(inertia: InertiaMap | None, vibration: FloatArray) -> FloatArray:
+    """Return (m,) the ``vibration`` (m,) [m/m] over the vibration of the map, as the covariance takes it.
+
+    NaN where it is not known. It is the next larger power of the root of 2: matrices stay while the vibration
+    changes little.
+    """
+    if inertia is None:
+        return np.full(len(vibration), np.nan)
+    known = np.isfinite(vibration) & (vibration >= 0.0)
+    ratio = np.where(known, vibration, 0.0) / inertia.vibration_std
+    step = np.ceil(2.0 * np.log2(np.clip(ratio, LEAST_VIBRATION, MOST_VIBRATION)) - 1e-12)
+    return np.where(known, np.where(ratio <= LEAST_VIBRATION, NO_VIBRATION, 2.0 ** (0.5 * step)), np.nan)
+
+
+def with_vibration(modes: ThermalMap, inertia: InertiaMap | None, ratio: float) -> ThermalMap:
+    """Return the ``modes`` of :func:`with_inertia` whose vibration is ``ratio`` of the map's; NaN: as it is."""
+    if inertia is None or np.isnan(ratio):
+        return modes
+    first = modes.n_modes - inertia.vibration_strain.shape[1]
+    scale = np.where(np.arange(modes.n_modes) < first, 1.0, ratio)
+    return replace(modes, prior_std=modes.prior_std * scale)
 
 
 def _std(covariance: FloatArray) -> FloatArray:

@@ -7,7 +7,6 @@ then the data of the model.
 from __future__ import annotations
 
 import struct
-import zlib
 from collections.abc import Sequence
 from enum import IntEnum
 from math import cos, inf, sin
@@ -21,11 +20,10 @@ from strainfmu.cosim.models.gauge_noise import quantile_table
 from strainfmu.cosim.models.trajectory import Trajectory
 from strainfmu.interface.fmi_variables import Variable
 from strainfmu.interface.plant_variables import Motion
+from strainfmu.resource_file import with_header
 
 FORMAT_VERSION = 2
-_HEADER = struct.Struct("<8sIIQII")
 _CHECKED_HEADER = struct.Struct("<III84s")
-_BYTE_ORDER_MARK = 0x01020304
 _LARGEST_INTEGER = 2**31 - 1
 
 
@@ -42,13 +40,7 @@ def model_resource(kind: ModelKind, interface: Sequence[Variable], data: FloatAr
     tables = np.array([_row(variable) for variable in interface]).T
     body = np.concatenate((tables.ravel(), data)).astype("<f8").tobytes()
     checked = _CHECKED_HEADER.pack(int(kind), len(interface), len(data), guid.encode()) + body
-    return resource_file(b"SFMUSYS", FORMAT_VERSION, checked)
-
-
-def resource_file(magic: bytes, version: int, body: bytes) -> bytes:
-    """Return a file of ``resources/`` with its header, as ``fmus/native/core/resource.h`` describes it."""
-    length = _HEADER.size + len(body)
-    return _HEADER.pack(magic, version, _BYTE_ORDER_MARK, length, zlib.crc32(body), 0) + body
+    return with_header(b"SFMUSYS", FORMAT_VERSION, checked)
 
 
 def _row(variable: Variable) -> tuple[float, float, float, float, float]:

@@ -83,8 +83,9 @@ def test_coefficients_and_standard_errors_are_those_of_least_squares(tmp_path: P
 def test_the_map_estimates_what_the_equations_say(tmp_path: Path, gauges: int, zeros: bool) -> None:
     found = fitted(written(tmp_path, gauges, zeros=zeros))
     made = equations_map(found)
-    names = list(made.load_names)
-    result = Estimator(made).estimate(found.test.strain, made.nominal_dynamic_pressure)
+    estimator = Estimator(made)
+    names = list(estimator.load_names)
+    result = estimator.estimate(found.test.strain, made.nominal_dynamic_pressure)
     scale = np.abs(found.test.load).max(axis=0)
     for k, name in enumerate(LOADS):
         loads = np.column_stack([result.loads, result.other_loads])[:, names.index(name)]

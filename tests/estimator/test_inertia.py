@@ -20,7 +20,8 @@ from strainfmu.estimator.air_inputs import INERTIAL_NAMES, NOT_KNOWN
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map, save_inverse_map
-from strainfmu.estimator.map.sensors import channels_of, vibration_ratio, with_inertia
+from strainfmu.estimator.map.sensors import with_inertia
+from strainfmu.estimator.off_deadline import channels_of, vibration_ratio
 from strainfmu.estimator.reference.readings import amplitudes
 from strainfmu.interface.estimator_variables import estimator_interface
 from strainfmu.interface.fmi_variables import value_references

@@ -13,8 +13,8 @@ from strainfmu.estimator.air_inputs import INERTIAL_NAMES
 from strainfmu.estimator.map.flight_tables import evaluate
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.map.nonlinear_map import ManifoldMap, with_known
-from strainfmu.estimator.map.sensors import channels_of
 from strainfmu.estimator.map.validity import flow_parameters
+from strainfmu.estimator.off_deadline import channels_of
 
 Random = np.random.Generator
 

@@ -10,22 +10,33 @@ from typing import Any
 import numpy as np
 from raw_fmu import GUID, Fmu2
 
+from strainfmu import resource_file
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.resource import map_file
-from strainfmu.estimator.resource.map_file import CHECKED_FROM, native_resource, pack
+from strainfmu.estimator.resource.map_file import FORMAT_VERSION, MAGIC, native_resource
+from strainfmu.resource_file import HEADER_SIZE, container, with_header
+
+
+def sealed(content: bytes) -> bytes:
+    """Return ``content`` with the header that belongs to what follows its first 32 bytes."""
+    return with_header(MAGIC, FORMAT_VERSION, content[HEADER_SIZE:])
+
+
+def pack(arrays: Mapping[str, Any]) -> bytes:
+    """Return the ``map.bin`` of ``arrays``."""
+    return with_header(MAGIC, FORMAT_VERSION, container(arrays))
 
 
 def unpack(content: bytes) -> dict[str, np.ndarray]:
     """The arrays of a container by name."""
-    table, entry = map_file._TABLE, map_file._ENTRY
+    table, entry = resource_file._TABLE, resource_file._ENTRY
     arrays = dict[str, np.ndarray]()
-    (count,) = table.unpack_from(content, CHECKED_FROM)
+    (count,) = table.unpack_from(content, HEADER_SIZE)
     for k in range(count):
         name, kind, rank, *lengths, position = entry.unpack_from(
-            content, CHECKED_FROM + table.size + k * entry.size
+            content, HEADER_SIZE + table.size + k * entry.size
         )
         shape = tuple(lengths[:rank])
-        values = np.frombuffer(content, map_file._KINDS[kind], int(np.prod(shape)), position)
+        values = np.frombuffer(content, resource_file._KINDS[kind], int(np.prod(shape)), position)
         arrays[name.rstrip(b"\0").decode()] = values.reshape(shape)
     return arrays
 

@@ -172,17 +172,6 @@ def entries(record: Any) -> dict[str, Entry]:
     return {item.name: item.metadata["entry"] for item in fields(record) if _is_entry(item)}
 
 
-def records_of(record: Any, group: str = "") -> dict[str, type[Any]]:
-    """Return the types of records inside a type of records, by the path of their group; equal ones once."""
-    inside = dict[str, type[Any]]()
-    for item in fields(record):
-        kind = item.metadata.get("record")
-        if kind is not None and kind not in inside.values():
-            inside[group + item.name] = kind
-            inside |= records_of(kind, f"{group}{item.name}/")
-    return inside
-
-
 def _in_words(stated: Entry) -> str:
     shape = f"({', '.join(stated.axes)}{',' if len(stated.axes) == 1 else ''}) " if stated.axes else ""
     return f"{shape}{stated.meaning}" + (f" [{stated.unit}]" if stated.unit else "")
@@ -207,8 +196,8 @@ def check(record: MapRecord) -> None:
     stated_entries, sizes = entries(record), record.sizes()
     for group in {item.group for item in stated_entries.values()} - {""}:
         names = [name for name, item in stated_entries.items() if item.group == group]
-        given = [name for name in names if np.shape(getattr(record, name)) not in ((), (0,))]
-        if given and len(given) < len(names):
+        given = [name for name in names if not has_no_values(getattr(record, name))]
+        if given and any(np.shape(getattr(record, name)) in ((), (0,)) for name in names):
             raise InputError(
                 f"{record.where}: {', '.join(given)} of {', '.join(names)} found, must be all or none"
             )

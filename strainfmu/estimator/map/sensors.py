@@ -11,8 +11,8 @@ are nuisances, which the gauges' covariance of the map holds already.
 
 **Inertia.** Material at r from the unit moves against a specific force f + dw/dt x r + w x (w x r), with the
 specific force f of the unit (acceleration without gravity) and the angular rates w. Its inertia causes the strain
-Phi a of the gauges. The amplitudes a are the channels of :func:`channels_of`: f, dw/dt about y and z, and the
-products P = w w' - w'w 1 of w x (w x r) = P r. Inertia modes are modes of temperature, each with its own sensor:
+Phi a of the gauges. The amplitudes a are the :data:`CHANNELS`: f, dw/dt about y and z, and the products
+P = w w' - w'w 1 of w x (w x r) = P r. Inertia modes are modes of temperature, each with its own sensor:
 :func:`with_inertia` joins both. Modes of vibration have no sensors: the input ``vibration`` states their standard
 deviation, in steps of the root of 2, instead of the map's.
 
@@ -22,7 +22,7 @@ then 0 for the masses of the model, and nothing counts twice.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -30,7 +30,6 @@ from numpy.typing import ArrayLike
 
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import InputError
-from strainfmu.estimator.air_inputs import MEASURED_MOTION, NOT_KNOWN
 from strainfmu.estimator.map.schema import COVARIANCE, POSITIVE, UNIQUE, UNIT_VECTORS, MapRecord, Sizes, entry
 from strainfmu.estimator.signal_names import FORCE, MOMENT
 from strainfmu.estimator.signal_names import STRAIN as STRAIN
@@ -204,9 +203,6 @@ CHANNELS = ("f_x", "f_y", "f_z", "dw_y/dt", "dw_z/dt", "P_xx", "P_yy", "P_zz", "
 SPECIFIC_FORCE = slice(0, 3)
 """Place of the specific force among the channels; own weight on the ground acts by it alone."""
 
-LEAST_VIBRATION, MOST_VIBRATION, NO_VIBRATION = 0.0625, 1024.0, 1e-6
-"""Vibration over its standard deviation in the map: what counts as none, and the largest; what stands for none."""
-
 LARGEST_CHANNEL = 1e6
 """Size of a channel beyond which the unit is taken to be broken."""
 
@@ -238,17 +234,6 @@ class InertiaMap(MapRecord, where="inertia"):
         return {"k": len(CHANNELS)}
 
 
-def channels_of(values: Mapping[str, FloatArray]) -> FloatArray:
-    """Return the channels (m, k) of m samples of the inertial inputs by name, NaN where not known."""
-    known = [
-        np.where(values[name] == NOT_KNOWN, np.nan, values[name])
-        for name in (item.name for item in MEASURED_MOTION)
-    ]
-    force, (x, y, z), turn = known[:3], known[3:6], known[6:]
-    products = (-(y * y + z * z), -(x * x + z * z), -(x * x + y * y), x * y, x * z, y * z)
-    return np.stack([*force, *turn, *products], axis=1)
-
-
 def with_inertia(thermal: ThermalMap, inertia: InertiaMap) -> ThermalMap:
     """Return ``thermal`` with the modes of ``inertia``, as :attr:`InverseMap.thermal_and_inertia` has them."""
     k, n_t, n, v = len(CHANNELS), thermal.n_sensors, thermal.n_modes, inertia.vibration_strain.shape[1]
@@ -265,45 +250,3 @@ def with_inertia(thermal: ThermalMap, inertia: InertiaMap) -> ThermalMap:
         sensor_std=np.append(thermal.sensor_std, inertia.sensor_std),
         isothermal_covariance=inertia.rest_covariance,
     )
-
-
-def readings_of_modes(
-    thermal: ThermalMap,
-    inertia: InertiaMap | None,
-    temperature: FloatArray,
-    inertial: Mapping[str, FloatArray],
-) -> tuple[FloatArray, BoolArray]:
-    """Return readings (m, n_t + k) of :func:`with_inertia` of m samples, and which of them are known.
-
-    ``temperature`` is (m, n_t) [K], ``inertial`` holds (m,) of each inertial input.
-    """
-    rise = temperature - thermal.reference_temperature
-    known = (temperature > 0.0) & (np.abs(rise) <= LARGEST_RISE)
-    if inertia is None:
-        return temperature, known
-    channels = channels_of(inertial)
-    read = np.hstack([temperature, thermal.reference_temperature + channels])
-    return read, np.hstack([known, np.abs(channels) <= LARGEST_CHANNEL])
-
-
-def vibration_ratio(inertia: InertiaMap | None, vibration: FloatArray) -> FloatArray:
-    """Return (m,) the ``vibration`` (m,) [m/m] over the vibration of the map, as the covariance takes it.
-
-    NaN where it is not known. It is the next larger power of the root of 2: matrices stay while the vibration
-    changes little.
-    """
-    if inertia is None:
-        return np.full(len(vibration), np.nan)
-    known = np.isfinite(vibration) & (vibration >= 0.0)
-    ratio = np.where(known, vibration, 0.0) / inertia.vibration_std
-    step = np.ceil(2.0 * np.log2(np.clip(ratio, LEAST_VIBRATION, MOST_VIBRATION)) - 1e-12)
-    return np.where(known, np.where(ratio <= LEAST_VIBRATION, NO_VIBRATION, 2.0 ** (0.5 * step)), np.nan)
-
-
-def with_vibration(modes: ThermalMap, inertia: InertiaMap | None, ratio: float) -> ThermalMap:
-    """Return the ``modes`` of :func:`with_inertia` whose vibration is ``ratio`` of the map's; NaN: as it is."""
-    if inertia is None or np.isnan(ratio):
-        return modes
-    first = modes.n_modes - inertia.vibration_strain.shape[1]
-    scale = np.where(np.arange(modes.n_modes) < first, 1.0, ratio)
-    return replace(modes, prior_std=modes.prior_std * scale)

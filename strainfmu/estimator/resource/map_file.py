@@ -1,9 +1,6 @@
-"""The inverse map as the compiled estimator reads it: ``map.bin``, arrays by name.
+"""The inverse map as the compiled estimator reads it: ``map.bin``, a container of named arrays.
 
-Little endian. A header of 32 bytes, as every resource of a native FMU has it: magic, format version, byte order
-mark, length of the file, CRC-32 of all that follows, a zero. Then the number of arrays and 12 zeros. Then an entry
-of 80 bytes for each array, by ascending names: name, kind, rank, four lengths, position. Then the arrays, row by
-row, each from a multiple of 16 bytes on. ``fmus/native/estimator/map/map.h`` reads it.
+:mod:`strainfmu.resource_file` writes the container, ``fmus/native/estimator/map/map.h`` reads the arrays.
 
 A name is PART.VALUE. Values that are fields of a map have their place in its schema; :data:`DERIVED` lists what
 follows from them, :data:`PARTS` the parts that not every map has. A bound that a map does not state is the largest
@@ -15,11 +12,8 @@ and directions of the linear estimator follow from them: the compiled estimator 
 
 from __future__ import annotations
 
-import re
-import struct
 import sys
-import zlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cached_property
 from math import log
@@ -29,7 +23,6 @@ import numpy as np
 
 from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, layer_table
-from strainfmu.errors import InputError
 from strainfmu.estimator import health, policies, settings, tare
 from strainfmu.estimator.air_inputs import ALTITUDE, DYNAMIC_PRESSURE, MACH_NUMBER, NAVIGATION
 from strainfmu.estimator.gauge_zeros import LARGEST_ZERO
@@ -43,61 +36,10 @@ from strainfmu.estimator.numerics import arrow_triangle, householder, product
 from strainfmu.estimator.other_loads import FIVE_LOADS, OTHER_LOADS, load_arrays
 from strainfmu.estimator.resource.compact_tables import ChannelTables, channel_tables, error_products, factors
 from strainfmu.estimator.signal_names import NOT_KNOWN, STRAIN, TARE
+from strainfmu.resource_file import container, texts, with_header
 
 MAGIC = b"SFMUMAP\0"
 FORMAT_VERSION = 8
-CHECKED_FROM = 32
-"""Position of the first byte that the checksum covers."""
-
-NAME_SIZE = 48
-"""Bytes of a name, with its final zero."""
-
-_NAME = re.compile(rf"[a-z0-9_.]{{1,{NAME_SIZE - 1}}}")
-_HEADER = struct.Struct("<8s2IQ2I")
-_TABLE = struct.Struct("<I12x")
-_ENTRY = struct.Struct(f"<{NAME_SIZE}s6IQ")
-_BYTE_ORDER_MARK = 0x01020304
-_ALIGNMENT, _MOST_AXES = 16, 4
-_KINDS = (np.dtype("<f8"), np.dtype("<i4"), np.dtype("u1"))
-_KIND_OF = {"f": 0, "i": 1, "b": 1, "u": 2}
-"""By the kind of a numpy type: numbers, whole numbers, bytes of text."""
-
-Values = Mapping[str, Any]
-"""Numbers and arrays of up to four axes by name: floats, whole numbers, or bytes of text (uint8)."""
-
-
-def pack(arrays: Values) -> bytes:
-    """Return the container of ``arrays``."""
-    entries, contents = list[bytes](), list[bytes]()
-    position = CHECKED_FROM + _TABLE.size + len(arrays) * _ENTRY.size
-    for name in sorted(arrays):
-        if not _NAME.fullmatch(name):
-            raise ValueError(f"name of an array: '{name}' found, must match {_NAME.pattern}")
-        array = np.asarray(arrays[name])
-        kind = _KIND_OF[array.dtype.kind]
-        content = array.astype(_KINDS[kind]).tobytes()
-        lengths = (*array.shape, *[0] * (_MOST_AXES - array.ndim))
-        entries.append(_ENTRY.pack(name.encode(), kind, array.ndim, *lengths, position))
-        contents.append(content + bytes(-len(content) % _ALIGNMENT))
-        position += len(contents[-1])
-    return sealed(bytes(CHECKED_FROM) + _TABLE.pack(len(arrays)) + b"".join(entries) + b"".join(contents))
-
-
-def sealed(content: bytes) -> bytes:
-    """Return ``content`` with the header that belongs to what follows its first 32 bytes."""
-    checked = content[CHECKED_FROM:]
-    header = _HEADER.pack(MAGIC, FORMAT_VERSION, _BYTE_ORDER_MARK, len(content), zlib.crc32(checked), 0)
-    return header + checked
-
-
-def texts(where: str, lines: Sequence[str], width: int) -> np.ndarray:
-    """Return (n, ``width``) bytes of ``lines``, each ended by zeros; ``where`` is what a refusal calls them."""
-    rows = [line.encode() for line in lines]
-    for row in rows:
-        if len(row) >= width or b"\0" in row:
-            raise InputError(f"{where}: '{row.decode()}' found, must be shorter than {width} bytes")
-    return np.frombuffer(b"".join(row.ljust(width, b"\0") for row in rows), np.uint8).reshape(len(rows), width)
-
 
 GUID_SIZE = 80
 PARAMETER_NAME_SIZE = OUTPUT_NAME_SIZE = 48
@@ -527,7 +469,8 @@ def native_resource(inverse_map: InverseMap, guid: str, known: tare.KnownStrain 
 
     ``known`` is the strain of the loads that act while a tare is taken; None for none.
     """
-    return pack({"guid": texts("guid", [guid], GUID_SIZE), **map_arrays(inverse_map, known)})
+    arrays = {"guid": texts("guid", [guid], GUID_SIZE), **map_arrays(inverse_map, known)}
+    return with_header(MAGIC, FORMAT_VERSION, container(arrays))
 
 
 def map_arrays(inverse_map: InverseMap, known: tare.KnownStrain | None = None) -> dict[str, np.ndarray]:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import hashlib
-import struct
 import zipfile
 import zlib
 from pathlib import Path, PurePosixPath
 
-from strainfmu.estimator.resource.map_file import CHECKED_FROM
 from strainfmu.files import USER_BLOCK_SIZE
 from strainfmu.interface.contents import CONTENTS
+from strainfmu.resource_file import is_whole
 
 _ALTERED = "damaged or altered, its check sum is wrong"
 
@@ -43,16 +42,8 @@ def _is_whole(name: str, content: bytes) -> bool:
     if kind.parent.name != "resources":
         return True
     if kind.name in ("map.bin", "model.bin"):
-        return _is_whole_resource(content)
+        return is_whole(content)
     return kind.suffix != ".h5" or _is_whole_hdf5(content)
-
-
-def _is_whole_resource(content: bytes) -> bool:
-    """Return whether a native resource has the length and the CRC-32 of its header."""
-    if len(content) < CHECKED_FROM:
-        return False
-    length, stated, reserved = struct.unpack_from("<Q2I", content, CHECKED_FROM - 16)
-    return (length, stated, reserved) == (len(content), zlib.crc32(content[CHECKED_FROM:]), 0)
 
 
 def _is_whole_hdf5(content: bytes) -> bool:

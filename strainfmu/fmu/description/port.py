@@ -12,7 +12,7 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import numpy as np
 
-from strainfmu.fmu.plant_resource import resource_file
+from strainfmu.resource_file import with_header
 
 FIRST_PORT = 2_000_000
 """Value reference of the data that the first port receives, as ``fmus/native/fmi3/fmi3.h`` has it."""
@@ -105,7 +105,7 @@ class BusPart:
         for place, table in zip(setup["tables"], self.tables, strict=False):
             place["place"], place["count"] = _HEADER + _SETUP.itemsize + sum(map(len, parts)), len(table)
             parts += [table.tobytes(), bytes(-table.nbytes % 8)]
-        return resource_file(b"SFMUNOD", 1, setup.tobytes() + b"".join(parts))
+        return with_header(b"SFMUNOD", 1, setup.tobytes() + b"".join(parts))
 
     def files(self, guid: str) -> Mapping[str, bytes]:
         """Return content by name: the file of the node with ``guid``, terminal, manifest, DBC file."""

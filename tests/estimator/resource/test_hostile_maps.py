@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from damaged_resource import arrays_of, changed, unpack
+from damaged_resource import arrays_of, changed, pack, sealed, unpack
 from flight_fmu import whole_map
 from other_load_maps import with_further_tables
 from random_map import random_map
@@ -16,7 +16,6 @@ from sensor_maps import with_sensors
 from thermal_maps import with_temperature
 
 from strainfmu.estimator.core import library
-from strainfmu.estimator.resource.map_file import pack, sealed
 
 pytestmark = pytest.mark.fast
 

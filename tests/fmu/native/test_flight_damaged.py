@@ -8,13 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from c_host import fuzz_program, run_fuzz
-from damaged_resource import arrays_of
+from damaged_resource import arrays_of, pack
 from flight_fmu import whole_map
 from sensor_maps import with_sensors
 from thermal_maps import with_temperature
 
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.resource.map_file import pack
 
 pytestmark = pytest.mark.slow
 

@@ -10,12 +10,13 @@ from urllib.parse import quote
 
 import numpy as np
 import pytest
-from damaged_resource import arrays_of, changed, put
+from damaged_resource import arrays_of, changed, put, sealed
 from native_case import NativeCase
 from raw_fmu import ERROR, Fmu2, Fmu3, shipped_library
 
 from strainfmu.errors import InputError
-from strainfmu.estimator.resource.map_file import NAME_SIZE, native_resource, sealed
+from strainfmu.estimator.resource.map_file import native_resource
+from strainfmu.resource_file import NAME_SIZE
 
 pytestmark = pytest.mark.fast
 
