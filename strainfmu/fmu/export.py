@@ -91,6 +91,7 @@ _ESTIMATOR_SOURCES = (
     "estimator/",
     *(f"estimator/{room}/" for room in _ESTIMATOR_ROOMS),
     "interface/",
+    "resource_file.py",
 )
 """Modules and, with a slash, whole rooms of the run-time that a slave imports, itself or through others."""
 _PLANT_SOURCES = (

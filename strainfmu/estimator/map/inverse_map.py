@@ -35,6 +35,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from strainfmu.arrays import BoolArray, FloatArray, common_to_pairs
+from strainfmu.errors import InputError
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
 from strainfmu.estimator.map.nonlinear_map import ManifoldMap
 from strainfmu.estimator.map.schema import (
@@ -84,6 +85,9 @@ PAIRS = tuple((a, b) for a in range(6) for b in range(a, 6))
 
 DENSE_GAUGES, MOST_DENSE_GAUGES = 512, 2_000
 """Gauges up to which the linear estimator computes with matrices of all gauges, and may do so."""
+
+FIELD = ("field_mean", "field_modes", "point", "triangle")
+"""Fields of the pressure on the surface, of which a map has all or none."""
 
 _ROUND_OFF = 1e-6
 """Largest relative difference between numbers that are equal but for round-off."""
@@ -136,18 +140,14 @@ class InverseMap(MapRecord, where="inverse map"):
         place="settings.dynamic_pressure", rule=POSITIVE)
     provenance: dict[str, Any] = field(default_factory=dict)
     field_mean: NDArray[np.float32] = entry("n_p", "Pa",
-        "pressure at the nodes is field_mean + field_modes q; no nodes: no field", neutral=0, dtype="f4",
-        group="pressure field")
-    field_modes: NDArray[np.float32] = entry("n_p n_q", "Pa/state", "see field_mean", neutral=0, dtype="f4",
-        group="pressure field")
+        "pressure at the nodes is field_mean + field_modes q; no nodes: no field", neutral=0, dtype="f4")
+    field_modes: NDArray[np.float32] = entry("n_p n_q", "Pa/state", "see field_mean", neutral=0, dtype="f4")
     field_std: NDArray[np.float32] = entry("n_p", "Pa",
         "standard deviation of pressure that no state holds, as of truncated modes", neutral=0, dtype="f4",
         rule=FROM_0)
     field_is_net: bool = entry(meaning="1 if the field is p - p_inf", neutral=False, default=False)
-    point: NDArray[np.float32] = entry("n_p 3", "m", "nodes of the surface of the field", neutral=0, dtype="f4",
-        group="pressure field")
-    triangle: NDArray[np.int32] = entry("n_t 3", "1", "its triangles, numbers of nodes", neutral=0, dtype="i4",
-        group="pressure field")
+    point: NDArray[np.float32] = entry("n_p 3", "m", "nodes of the surface of the field", neutral=0, dtype="f4")
+    triangle: NDArray[np.int32] = entry("n_t 3", "1", "its triangles, numbers of nodes", neutral=0, dtype="i4")
     form: str = entry(unit="", meaning="dynamic_pressure or absolute", default="absolute", allowed=FORMS)
     fixed_strain: FloatArray = entry("n_d", "m/m",
         "d_0, strain that does not follow q_inf, as by an internal pressure that is not the ambient one",
@@ -205,6 +205,14 @@ class InverseMap(MapRecord, where="inverse map"):
         default=None, record=ManifoldMap)
     # fmt: on
 
+    def __post_init__(self) -> None:
+        missing = [name for name in FIELD if has_no_values(getattr(self, name))]
+        if 0 < len(missing) < len(FIELD):
+            names = ", ".join(missing)
+            raise InputError(f"inverse map: {names} missing, the pressure field needs {', '.join(FIELD)}")
+        _check_number_of_loads(self)
+        super().__post_init__()
+
     def sizes(self) -> Sizes:
         """Return the lengths by which neutral arrays are made."""
         n_d, n_q, n_f = self.n_gauges, self.state_operator.shape[-1], self.n_loads
@@ -217,7 +225,6 @@ class InverseMap(MapRecord, where="inverse map"):
 
     def contradictions(self) -> Iterator[str]:
         """Yield what is wrong between fields, each of which is right by itself, and what is allowed."""
-        yield from self._contradictions_of_loads()
         gamma, is_free, n_d, n_q = self.regularisation, self.case == 1, self.n_gauges, self.n_states
         n_p, n_aux, manifold = len(self.field_mean), n_d - self.n_strain_gauges, self.manifold
         if not (gamma == 0.0 if is_free else 0.0 < gamma < np.inf):
@@ -249,15 +256,6 @@ class InverseMap(MapRecord, where="inverse map"):
         size = np.linalg.norm(whitened, axis=0)
         if is_free and not (np.all(size > 0.0) and np.linalg.matrix_rank(whitened / size) == n_q):
             yield "state_operator does not identify the states: its columns are dependent"
-
-    def _contradictions_of_loads(self) -> Iterator[str]:
-        """Yield what is wrong with the number of loads: the five, or these with the loads of every group."""
-        sizes = {group.family: group.size for group in self.load_groups if group.family.is_listed}
-        allowed = FIVE_LOADS.stop + number_of(self.load_groups)
-        if self.n_loads != allowed and (sizes or self.n_loads != FIVE_LOADS.stop):
-            counts = ", ".join(f"{size} {family.singular}s" for family, size in sizes.items())
-            words = f"{allowed} for {counts}" if sizes else f"{FIVE_LOADS.stop} or {allowed}"
-            yield f"load_of_mean has {self.n_loads} loads, must be {words}"
 
     def _repr_html_(self) -> str:
         method = {1: "least squares on POD modes", 2: "low-rank Gaussian prior"}[self.case]
@@ -410,6 +408,17 @@ class InverseMap(MapRecord, where="inverse map"):
     def residual_degrees_of_freedom(self) -> int:
         """Expected value of the chi-square of the residual of all gauges."""
         return self.n_gauges - (self.n_states if self.case == 1 else 0)
+
+
+def _check_number_of_loads(inverse_map: InverseMap) -> None:
+    """Check that the loads are the five, or these with the loads of every group."""
+    groups, n_loads = inverse_map.load_groups, inverse_map.load_of_mean.size
+    sizes = {group.family: group.size for group in groups if group.family.is_listed}
+    allowed = FIVE_LOADS.stop + number_of(groups)
+    if n_loads != allowed and (sizes or n_loads != FIVE_LOADS.stop):
+        counts = ", ".join(f"{size} {family.singular}s" for family, size in sizes.items())
+        words = f"{allowed} for {counts}" if sizes else f"{FIVE_LOADS.stop} or {allowed}"
+        raise InputError(f"inverse map: load_of_mean has {n_loads} loads, must be {words}")
 
 
 def nothing_of(*names: str) -> dict[str, Any]:

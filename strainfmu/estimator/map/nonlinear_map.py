@@ -15,7 +15,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,48 +50,39 @@ class Powers(MapRecord, where="powers"):
         pairs = 0.5 * power * (power - 1) * variance
         return np.asarray(z**power + pairs * z ** np.maximum(power - 2, 0) - self.offset)
 
-    def known(self, value: FloatArray, std: FloatArray) -> KnownPowers:
-        """Return what is known of the powers; ``value`` and ``std`` as of :func:`with_known`."""
+    def known(self, value: FloatArray, std: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return what is known of the powers; ``value`` and ``std`` as of :func:`with_known`.
+
+        These are (J,) each power that is known, less its mean [1], (n_p,) the weight of each stated value against
+        the spread, 0 where nothing is known, and (J,) the derivative of each power by z there.
+        """
         variance = self.spread**2
         known = np.isfinite(value) & np.isfinite(std) & (variance > 0.0)
         with np.errstate(over="ignore"):  # of a deviation so large that nothing is known
             weight = np.where(known, variance / np.where(known, variance + std**2, 1.0), 0.0)
         middle = (self.mean + weight * np.where(known, value - self.mean, 0.0))[None]
         shift = np.where(known[self.parameter], self.change(middle, 1.0 - weight)[0], 0.0)
-        derivative = self.power * self._scaled(middle)[0] ** (self.power - 1)
-        return KnownPowers(self.parameter, shift, weight, derivative)
+        return shift, weight, self.power * self._scaled(middle)[0] ** (self.power - 1)
 
-    def _scaled(self, values: FloatArray) -> FloatArray:
-        z = (values - self.mean) / np.where(self.spread > 0.0, self.spread, 1.0)
-        return np.asarray(z[:, self.parameter])
-
-
-class KnownPowers(NamedTuple):
-    """What is known of J powers of n_p parameters.
-
-    ``parameter`` (J,) is the parameter of each power, ``shift`` (J,) each power that is known, less its mean [1],
-    ``derivative`` (J,) its derivative by z there, and ``weight`` (n_p,) the weight of a stated value against the
-    spread, 0 where nothing is known.
-    """
-
-    parameter: IntArray
-    shift: FloatArray
-    weight: FloatArray
-    derivative: FloatArray
-
-    def errors(self, unit_error: FloatArray, spread_error: FloatArray) -> list[FloatArray]:
+    def remaining_errors(
+        self, weight: FloatArray, derivative: FloatArray, unit_error: FloatArray, spread_error: FloatArray
+    ) -> list[FloatArray]:
         """Return the columns (n, k) that are left of the errors of one unit of each power (J, n, k) and of the
-        spread of each parameter (n_p, n, k).
+        spread of each parameter (n_p, n, k); ``weight`` and ``derivative`` are of :meth:`known`.
 
         What a standard deviation leaves is in proportion to it about a value well known, and the spread of one
         that is not.
         """
         columns = []
-        for parameter, part in enumerate(self.weight.tolist()):
+        for parameter, part in enumerate(weight.tolist()):
             powers = self.parameter == parameter
-            by_std = self.derivative[powers] * np.sqrt(part * (1.0 - part))
+            by_std = derivative[powers] * np.sqrt(part * (1.0 - part))
             columns += [np.tensordot(by_std, unit_error[powers], 1), (1.0 - part) * spread_error[parameter]]
         return columns
+
+    def _scaled(self, values: FloatArray) -> FloatArray:
+        z = (values - self.mean) / np.where(self.spread > 0.0, self.spread, 1.0)
+        return np.asarray(z[:, self.parameter])
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
@@ -372,18 +362,21 @@ def with_known(manifold: ManifoldMap, value: FloatArray, std: FloatArray) -> Man
     if not np.any(np.isfinite(value) & np.isfinite(std)):
         return manifold
     assert tables is not None
-    known, n_d = tables.powers.known(value, std), manifold.n_gauges
-    errors = np.hstack([tables.error, *known.errors(tables.unit_error, tables.spread_error)])
-    response = manifold.response + np.tensordot(tables.slope, known.shift, axes=(2, 0))
+    powers, n_d = tables.powers, manifold.n_gauges
+    shift, weight, derivative = powers.known(value, std)
+    left = powers.remaining_errors(weight, derivative, tables.unit_error, tables.spread_error)
+    errors = np.hstack([tables.error, *left])
+    response = manifold.response + np.tensordot(tables.slope, shift, axes=(2, 0))
     if surface is not None and surface.parameters is not None:
         changes, modes = surface.parameters, surface.modes.astype(float)
         spread = np.hstack([*changes.spread_error])
-        remaining = np.hstack(known.errors(changes.unit_error, changes.spread_error))
+        left = powers.remaining_errors(weight, derivative, changes.unit_error, changes.spread_error)
+        remaining = np.hstack(left)
         change = modes @ (remaining @ remaining.T - spread @ spread.T)
         variance = surface.error_std**2 + np.einsum("pq,pq->p", change, modes)
         surface = replace(
             surface,
-            amplitude=surface.amplitude + np.tensordot(changes.slope, known.shift, axes=(2, 0)),
+            amplitude=surface.amplitude + np.tensordot(changes.slope, shift, axes=(2, 0)),
             strain_covariance=(surface.strain_covariance + change @ changes.strain.T).astype(np.float32),
             # Where the spread is nearly all of it, rounding leaves less.
             error_std=np.sqrt(np.maximum(variance, 0.0)),

@@ -196,8 +196,8 @@ def check(record: MapRecord) -> None:
     stated_entries, sizes = entries(record), record.sizes()
     for group in {item.group for item in stated_entries.values()} - {""}:
         names = [name for name, item in stated_entries.items() if item.group == group]
-        given = [name for name in names if not has_no_values(getattr(record, name))]
-        if given and any(np.shape(getattr(record, name)) in ((), (0,)) for name in names):
+        given = [name for name in names if np.shape(getattr(record, name)) not in ((), (0,))]
+        if given and len(given) < len(names):
             raise InputError(
                 f"{record.where}: {', '.join(given)} of {', '.join(names)} found, must be all or none"
             )
