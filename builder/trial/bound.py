@@ -28,7 +28,7 @@ from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.flight_tables import MACH, U, W, evaluate
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.map.nonlinear_map import ManifoldMap
-from strainfmu.estimator.policies import RANGE_TOLERANCE
+from strainfmu.estimator.policies import POLICIES
 from strainfmu.flight_condition import FlightCondition
 
 KNOWN = (MACH_NUMBER, STATIC_PRESSURE, DYNAMIC_PRESSURE)
@@ -76,7 +76,7 @@ def _inside(manifold: ManifoldMap, state: FloatArray) -> BoolArray:
     off = np.abs(across).max(axis=1) if manifold.crossflow_range is not None else np.hypot(*across.T)
     low, high = manifold.mach_range
     excess = np.maximum(low - state[:, MACH], state[:, MACH] - high) / low
-    return (off <= 1.0 + RANGE_TOLERANCE) & (excess <= RANGE_TOLERANCE)
+    return (off <= 1.0 + POLICIES.range_tolerance) & (excess <= POLICIES.range_tolerance)
 
 
 def without_field_errors(manifold: ManifoldMap) -> ManifoldMap:

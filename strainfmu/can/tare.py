@@ -21,8 +21,8 @@ from strainfmu.cosim.estimators.zeros_file import write_zeros
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.gauge_zeros import GaugeZeros
+from strainfmu.estimator.policies import POLICIES
 from strainfmu.estimator.tare import (
-    LEAST_SAMPLES,
     KnownStrain,
     TareLimits,
     loads_fault,
@@ -88,8 +88,9 @@ class Taring:
         said_for: int = 10,
         known: KnownStrain | None = None,
     ) -> None:
-        if not LEAST_SAMPLES <= n_cycles <= MOST_CYCLES:
-            raise InputError(f"tare: expected a window of {LEAST_SAMPLES} to {MOST_CYCLES} cycles, got {n_cycles}")
+        fewest = POLICIES.least_samples
+        if not fewest <= n_cycles <= MOST_CYCLES:
+            raise InputError(f"tare: expected a window of {fewest} to {MOST_CYCLES} cycles, got {n_cycles}")
         self._estimator, self._set_zeros, self._n_cycles = estimator, set_zeros, n_cycles
         self._limits, self._known = TareLimits(), known
         self._strain = np.empty((n_cycles, estimator.inverse_map.n_strain_gauges))

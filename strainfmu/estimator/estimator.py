@@ -45,7 +45,7 @@ from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map
 from strainfmu.estimator.map.validity import flow_parameters
 from strainfmu.estimator.off_deadline import absolute_loads, surface_pressure
 from strainfmu.estimator.other_loads import names_of, number_of
-from strainfmu.estimator.policies import LARGEST_TIME, SMALLEST_TIME
+from strainfmu.estimator.policies import POLICIES
 from strainfmu.estimator.resource.map_file import native_resource
 from strainfmu.estimator.settings import EstimatorSettings, default_settings
 from strainfmu.estimator.signal_names import (
@@ -195,8 +195,8 @@ class Estimator:
         InputError
             The time constant is not in its range, or the map has no filter.
         """
-        if not (time_constant == 0.0 or SMALLEST_TIME <= time_constant <= LARGEST_TIME):
-            allowed = f"0 or {SMALLEST_TIME:g} to {LARGEST_TIME:g} s"
+        if not (time_constant == 0.0 or POLICIES.smallest_time <= time_constant <= POLICIES.largest_time):
+            allowed = f"0 or {POLICIES.smallest_time:g} to {POLICIES.largest_time:g} s"
             raise InputError(f"time_constant: expected {allowed}, got {time_constant:g}")
         place = self.core.settings[FILTER_TIME_CONSTANT]
         if time_constant > 0.0 and place.stop == place.start:

@@ -37,10 +37,10 @@ from strainfmu.estimator.gauge_zeros import GaugeZeros
 from strainfmu.estimator.map.flight_tables import LOG_PRESSURE, MACH, MIN_INCIDENCE, Response, U, W, evaluate
 from strainfmu.estimator.map.inverse_map import InverseMap, with_gauge_covariance
 from strainfmu.estimator.map.nonlinear_map import FlightField, ManifoldMap, ShapeField, with_known
-from strainfmu.estimator.map.sensors import LARGEST_CHANNEL, LARGEST_RISE, InertiaMap, ThermalMap
+from strainfmu.estimator.map.sensors import LARGEST_CHANNEL, InertiaMap, ThermalMap
 from strainfmu.estimator.numerics import local_basis
 from strainfmu.estimator.other_loads import FIVE_LOADS, OTHER_LOADS
-from strainfmu.estimator.policies import LARGEST_USED_SCORE
+from strainfmu.estimator.policies import POLICIES
 from strainfmu.estimator.reference.air import air_inputs_of, lognormal_std
 from strainfmu.estimator.reference.linear import estimate as linear_estimate
 from strainfmu.estimator.reference.linear import excess_covariance
@@ -118,7 +118,7 @@ def _known_parameters(estimate: Estimate, sample: Sample) -> tuple[FloatArray, F
     """Return (n_p,) values and standard deviations of flow parameters, NaN where not known or far out of range."""
     value = sample["parameter"]
     std = sample.get("parameter_std", np.full(len(value), np.nan))
-    known = np.isfinite(value) & np.isfinite(std) & (estimate.parameter_score <= LARGEST_USED_SCORE)
+    known = np.isfinite(value) & np.isfinite(std) & (estimate.parameter_score <= POLICIES.largest_used_score)
     return np.where(known, value, np.nan), np.where(known, std, np.nan)
 
 
@@ -168,7 +168,7 @@ def readings_of_modes(
     ``temperature`` is (m, n_t) [K], ``inertial`` holds (m,) of each inertial input.
     """
     rise = temperature - thermal.reference_temperature
-    known = (temperature > 0.0) & (np.abs(rise) <= LARGEST_RISE)
+    known = (temperature > 0.0) & (np.abs(rise) <= POLICIES.largest_rise)
     if inertia is None:
         return temperature, known
     channels = channels_of(inertial)

@@ -13,6 +13,7 @@ distribution Beta(k/2, (n - k)/2) for normal zeros, whatever their size. Source:
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import IntEnum, IntFlag
@@ -27,17 +28,10 @@ from strainfmu.estimator.core import Core
 from strainfmu.estimator.gauge_zeros import GaugeZeros
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.map.schema import MapRecord, entry
 from strainfmu.estimator.map.sensors import SPECIFIC_FORCE
+from strainfmu.estimator.policies import POLICIES
 from strainfmu.estimator.signal_names import ZERO, ZERO_COMMON_STD, ZERO_STD
-
-LEAST_SAMPLES = 64
-"""Readings that a window must hold: four of each of 16 stretches."""
-
-LEAST_PART = 0.9
-"""Part of a window in which a gauge must read."""
-
-LOUD = 10.0
-"""Times the map's noise that readings may scatter by."""
 
 
 class TareFault(IntFlag):
@@ -63,25 +57,19 @@ class TareState(IntEnum):
     REFUSED = 3
 
 
-@dataclass(frozen=True, kw_only=True)
-class TareLimits:
-    """What a tare accepts.
+@dataclass(frozen=True, kw_only=True, repr=False)
+class TareLimits(MapRecord, where="tare"):
+    """What a tare accepts."""
 
-    Attributes
-    ----------
-    dynamic_pressure : largest |q_inf| [Pa] at which air does not load the vehicle.
-    zero : largest plausible |zero| [m/m].
-    drift : largest rise of a gauge over the window [m/m]; it joins the standard deviation.
-    """
-
-    dynamic_pressure: float = 100.0
-    zero: float = 2e-3
-    drift: float = 2e-6
-
-    def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            if not 0.0 <= value < np.inf:
-                raise InputError(f"{name}: expected at least 0, got {value:g}")
+    # fmt: off
+    dynamic_pressure: float = entry(unit="Pa", meaning="largest |q_inf| at which air does not load the vehicle",
+        default=100.0, place="tare.dynamic_pressure", low=0.0, high=sys.float_info.max)
+    zero: float = entry(unit="m/m", meaning="largest plausible |zero|", default=2e-3, place="tare.zero", low=0.0,
+        high=sys.float_info.max)
+    drift: float = entry(unit="m/m",
+        meaning="largest rise of a gauge over the window; it joins the standard deviation", default=2e-6,
+        place="tare.drift", low=0.0, high=sys.float_info.max)
+    # fmt: on
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -145,7 +133,7 @@ def judged_tare(inverse_map: InverseMap, outcome: Mapping[str, FloatArray], limi
     """Return the tare of the gauges of ``held`` by ``outcome`` of the core, which names its values."""
     reasons, samples = TareFault(int(outcome["faults"][0])), int(outcome["samples"][0])
     if TareFault.SHORT in reasons:
-        raise InputError(f"window: expected at least {LEAST_SAMPLES} samples, got {samples}")
+        raise InputError(f"window: expected at least {POLICIES.least_samples} samples, got {samples}")
     return Tare(
         zeros=zeros_of(outcome),
         samples=samples,
@@ -217,7 +205,7 @@ def _faults(
         TareFault.DRIFTS: f"readings drift: gauge '{gauge('drifting')}' by {1e6 * numbers['drift']:.3g} um/m over "
         f"the window, expected at most {1e6 * limits.drift:g} um/m",
         TareFault.MOVES: f"readings move: gauge '{gauge('moving')}' by {1e6 * numbers['moving_scatter']:.3g} um/m "
-        f"rms, expected at most {LOUD:g} times its noise of {1e6 * noise:.3g} um/m",
+        f"rms, expected at most {POLICIES.loud:g} times its noise of {1e6 * noise:.3g} um/m",
         TareFault.TOO_LARGE: f"no plausible zero: gauge '{gauge('largest')}' reads {1e6 * numbers['largest']:.4g} "
         f"um/m, expected at most {1e6 * limits.zero:g} um/m",
         TareFault.LIKE_LOAD: f"readings look like load: {1e6 * numbers['along']:.3g} um/m of them lie along the "
@@ -229,7 +217,7 @@ def _faults(
 def _notes(inverse_map: InverseMap, outcome: Mapping[str, FloatArray]) -> tuple[str, ...]:
     reads, scatter = outcome["reads"] != 0.0, outcome["scatter"]
     silent = [inverse_map.gauge_names[i] for i in np.flatnonzero(~reads)]
-    seldom = f"reads in less than {100 * LEAST_PART:g} % of the window: no zero, not to be used"
+    seldom = f"reads in less than {100 * POLICIES.least_part:g} % of the window: no zero, not to be used"
     notes = [f"gauge '{name}': {seldom}" for name in silent]
     still = [inverse_map.gauge_names[i] for i in np.flatnonzero(reads & (scatter == 0.0))]
     notes += [f"gauge '{name}': every reading is the same: is it alive?" for name in still]
@@ -313,7 +301,7 @@ class EdgeTare:
             return refused_text(loads_fault(float(outcome[DYNAMIC_PRESSURE][0]), self._limits))
         if TareFault.SHORT in reasons:
             return refused_text(
-                f"window: expected at least {LEAST_SAMPLES} steps, got {int(outcome['samples'][0])}"
+                f"window: expected at least {POLICIES.least_samples} steps, got {int(outcome['samples'][0])}"
             )
         tare = judged_tare(self._map, outcome, self._limits)
         return refused_text(refusal(tare)) if reasons else taken_text(tare, "steps")

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from strainfmu.estimator.air_inputs import AIR_INPUTS, DYNAMIC_PRESSURE
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.map.inverse_map import InverseMap, has_filter
-from strainfmu.estimator.policies import LARGEST_TIME, SMALLEST_TIME
+from strainfmu.estimator.policies import POLICIES
 from strainfmu.estimator.settings import (
     LARGEST_SETTING,
     OF_ALARMS,
@@ -291,7 +291,7 @@ def _filter_parameter(inverse_map: InverseMap) -> list[Variable]:
         variability="tunable",
         unit="s",
         minimum=0.0,
-        maximum=LARGEST_TIME,
+        maximum=POLICIES.largest_time,
         start=0.0,
     )
     return [parameter] if has_filter(inverse_map) else []
@@ -299,9 +299,10 @@ def _filter_parameter(inverse_map: InverseMap) -> list[Variable]:
 
 def time_constant_fault(value: float) -> str:
     """Return what is wrong with a time constant [s], nothing if it may be set."""
-    if value == 0.0 or SMALLEST_TIME <= value <= LARGEST_TIME:
+    smallest, largest = POLICIES.smallest_time, POLICIES.largest_time
+    if value == 0.0 or smallest <= value <= largest:
         return ""
-    return f"{FILTER_TIME_CONSTANT}: {value:g} found, must be 0 or between {SMALLEST_TIME:g} and {LARGEST_TIME:g}"
+    return f"{FILTER_TIME_CONSTANT}: {value:g} found, must be 0 or between {smallest:g} and {largest:g}"
 
 
 def _estimated_coefficients(inverse_map: InverseMap, gauges: tuple[str, ...]) -> list[Variable]:

@@ -19,7 +19,7 @@ from strainfmu.estimator.air_inputs import (
     AirInput,
 )
 from strainfmu.estimator.estimate import Estimate
-from strainfmu.estimator.policies import MIN_GAIN
+from strainfmu.estimator.policies import POLICIES
 from strainfmu.interface.enumerations import Q_SOURCE_TYPE
 from strainfmu.interface.fmi_variables import Variable, depending_on, deviation_of
 from strainfmu.interface.health_names import CHI_SQUARE, ENVELOPE_SCORE, LINEAR_LOADS, STATE, USABLE, VALID_GAUGES
@@ -169,7 +169,7 @@ def _air_data(manifold: ManifoldMap) -> list[Variable]:
     flags = {
         **{
             f"identified.{value.name}": f"Whether strain and navigation bring the sigma of {value.name} below "
-            f"{MIN_GAIN:g} of what the ranges of the map give"
+            f"{POLICIES.min_gain:g} of what the ranges of the map give"
             for value in values
         },
         **{

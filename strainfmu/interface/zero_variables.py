@@ -6,9 +6,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from strainfmu.estimator.gauge_zeros import LARGEST_ZERO
+from strainfmu.estimator.policies import POLICIES
 from strainfmu.estimator.signal_names import TARE as TARE
 from strainfmu.estimator.signal_names import ZERO, ZERO_COMMON_STD, ZERO_STD
-from strainfmu.estimator.tare import LEAST_SAMPLES, TareLimits
+from strainfmu.estimator.tare import TareLimits
 from strainfmu.interface.enumerations import TARE_TYPE
 from strainfmu.interface.fmi_variables import Variable, depending_on
 from strainfmu.interface.health_names import VALID_GAUGES
@@ -72,7 +73,7 @@ def with_tare_variables(interface: Sequence[Variable], gauge_names: Sequence[str
     asked = Variable(
         name=TARE,
         description="Strains are averaged while true, and become the zeros in the first step after it; refused "
-        f"with fewer than {LEAST_SAMPLES} steps, or unless dynamic_pressure is known and at most {limit:g} Pa",
+        f"with fewer than {POLICIES.least_samples} steps, or unless dynamic_pressure is known and at most {limit:g} Pa",
         causality="input",
         kind="parameter",
         variability="discrete",

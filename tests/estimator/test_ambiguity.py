@@ -14,7 +14,7 @@ from strainfmu.estimator.air_inputs import AIR_INPUT_NAMES
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.flight_tables import MACH, evaluate
 from strainfmu.estimator.map.nonlinear_map import ManifoldMap
-from strainfmu.estimator.policies import SEARCH_EVERY
+from strainfmu.estimator.policies import POLICIES
 from strainfmu.estimator.reference.air import air_inputs_of
 from strainfmu.estimator.reference.nonlinear import NonlinearReference, Sample, strain_covariance
 
@@ -166,9 +166,11 @@ def test_the_track_holds_the_widening_between_searches(
 ) -> None:
     """A pressure that is known for some steps has none, and the next step has it again."""
     (strain, narrowest), flight = widest(estimator, flights, narrow), estimator.filter(0.0)
-    found = flight.track(np.tile(strain, (SEARCH_EVERY + 2, 1)))
+    found = flight.track(np.tile(strain, (POLICIES.search_every + 2, 1)))
     assert np.max(found.coefficients_std[2] / narrowest) > 1.5
-    np.testing.assert_allclose(found.coefficients_std[4:SEARCH_EVERY], found.coefficients_std[3:-3], rtol=1e-3)
+    np.testing.assert_allclose(
+        found.coefficients_std[4 : POLICIES.search_every], found.coefficients_std[3:-3], rtol=1e-3
+    )
     known = flight.track(np.tile(strain, (4, 1)), static_pressure=PRESSURE)[-1]
     expected = linearised(estimator, strain, known.state, static_pressure=PRESSURE)
     np.testing.assert_allclose(known.loads_std, expected.loads_std, rtol=1e-3)

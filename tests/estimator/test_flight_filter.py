@@ -10,7 +10,7 @@ from scaled_maps import scaled_map
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.policies import RETURN_AFTER
+from strainfmu.estimator.policies import POLICIES
 
 pytestmark = pytest.mark.fast
 N_D = STATIONS * ROWS
@@ -171,10 +171,10 @@ def test_a_turn_that_begins_is_followed_within_a_tenth_of_a_second(estimator: Es
 
 
 def test_strain_off_the_tables_gets_the_linear_map_and_returns_later(estimator: Estimator) -> None:
-    rng, k = np.random.default_rng(0), 6 + RETURN_AFTER
+    rng, k = np.random.default_rng(0), 6 + POLICIES.return_after
     strain = strains(np.tile(STATE, (k, 1)), rng)
     strain[5] = exact(STATE)[:N_D] + 1e-4 * rng.standard_normal(N_D)
     found = estimator.filter(1.0).track(strain, 130e3, time=times(k))
     assert found.health[5] != HealthState.OK
-    assert found.is_linear.tolist() == [False] * 5 + [True] * RETURN_AFTER + [False]
+    assert found.is_linear.tolist() == [False] * 5 + [True] * POLICIES.return_after + [False]
     assert np.all(np.abs(found.loads[-1] - exact(STATE)[N_D:]) < 4.0 * found.loads_std[-1])

@@ -16,7 +16,7 @@ from strainfmu.estimator.core import Core, Series
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.flight_tables import evaluate
-from strainfmu.estimator.policies import COLD_ITERATIONS, SEARCH_EVERY, START_ITERATIONS, WARM_ITERATIONS
+from strainfmu.estimator.policies import POLICIES
 
 pytestmark = pytest.mark.fast
 
@@ -24,7 +24,7 @@ STEPS, PLAIN = 6_000, 4_200
 
 PAGE = Path(__file__).parents[2] / "docs" / "reference" / "step_time.md"
 
-SEARCH = 6 * START_ITERATIONS + COLD_ITERATIONS
+SEARCH = 6 * POLICIES.start_iterations + POLICIES.cold_iterations
 """Of six starts, and of the best of them."""
 
 
@@ -67,7 +67,9 @@ def test_no_step_takes_more_than_the_most(core: Core) -> None:
         core.set(core.settings["filter_time_constant"].start, np.array([time_constant]))
         record = core.series(Series.TRACK, part, time=0.01 * np.arange(len(part)))
         taken = record[:, core.outputs["iterations"]]
-        assert {WARM_ITERATIONS, 2 * WARM_ITERATIONS, WARM_ITERATIONS + SEARCH} <= set(taken.ravel().astype(int))
+        assert {POLICIES.warm_iterations, 2 * POLICIES.warm_iterations, POLICIES.warm_iterations + SEARCH} <= set(
+            taken.ravel().astype(int)
+        )
         largest.append(int(taken.max()))
     assert max(largest) <= core.most_iterations
     assert largest[0] >= 0.7 * core.most_iterations
@@ -75,11 +77,11 @@ def test_no_step_takes_more_than_the_most(core: Core) -> None:
 
 def test_of_known_events() -> None:
     held = whole_map()
-    estimator, flight = Estimator(held), random_flight(held, 2 * int(SEARCH_EVERY), seed=5)
+    estimator, flight = Estimator(held), random_flight(held, 2 * int(POLICIES.search_every), seed=5)
     found = [estimator.track(one.strain, q_source="independent", **one.flow).iterations for one in flight]
     assert found[0] in (SEARCH, 2 * SEARCH)
-    assert set(found[1:]) <= {WARM_ITERATIONS, 2 * WARM_ITERATIONS}
-    assert WARM_ITERATIONS in found
+    assert set(found[1:]) <= {POLICIES.warm_iterations, 2 * POLICIES.warm_iterations}
+    assert POLICIES.warm_iterations in found
 
 
 def test_strain_that_fits_nowhere_takes_two_searches() -> None:
@@ -91,7 +93,7 @@ def test_strain_that_fits_nowhere_takes_two_searches() -> None:
     wrong = flight[-1].flow | {"q_source": 1.0, "mach_number": 1.3 * flight[-1].flow["mach_number"]}
     found = estimator.track(flight[-1].strain + 1e-4 * (-1.0) ** np.arange(N_D), **wrong)
     assert found.health == HealthState.INCONSISTENT
-    assert found.iterations == 2 * (WARM_ITERATIONS + SEARCH)
+    assert found.iterations == 2 * (POLICIES.warm_iterations + SEARCH)
 
 
 def test_the_linear_estimator_takes_none() -> None:

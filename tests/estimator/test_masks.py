@@ -13,7 +13,7 @@ from scipy.stats import chi2
 
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.policies import MIN_INFORMATION
+from strainfmu.estimator.policies import POLICIES
 from strainfmu.estimator.settings import default_settings
 
 Q = 1.2e5
@@ -129,7 +129,7 @@ def test_too_little_information_on_a_state_identifies_nothing(has_units: bool) -
         a = model.a.copy()
         a[8, -1] = 1e-4 * a[3, -1]
         part = information_left(replace(model, a=a), mask)  # in proportion to the square of the entry
-        a[8, -1] *= np.sqrt(factor * MIN_INFORMATION / part)
+        a[8, -1] *= np.sqrt(factor * POLICIES.min_information / part)
         model = replace(
             model,
             a=gauges[:, None] * a * states,
@@ -137,7 +137,7 @@ def test_too_little_information_on_a_state_identifies_nothing(has_units: bool) -
             noise_covariance=np.outer(gauges, gauges) * model.noise_covariance,
             strain_load_covariance=gauges[:, None] * model.strain_load_covariance,
         )
-        assert information_left(model, mask) == pytest.approx(factor * MIN_INFORMATION, rel=0.05)
+        assert information_left(model, mask) == pytest.approx(factor * POLICIES.min_information, rel=0.05)
         scaled = replace(map_of(model), load_per_state=model.load_per_state * states)
         settings = replace(default_settings(scaled), sensor_range=1e3)
         assert Estimator(scaled, settings).estimate(model.m, Q, valid=~mask).health is health
@@ -196,7 +196,7 @@ def test_nearly_unidentified_is_told_by_sigma() -> None:
     a[8, -1] = 1e-4 * a[3, -1]
     model = replace(model, a=a, noise_covariance=np.eye(N_GAUGES) * 4e-14)
     mask = missing(N_GAUGES, 3)
-    assert MIN_INFORMATION < information_left(model, mask) < 2e-8
+    assert POLICIES.min_information < information_left(model, mask) < 2e-8
     complete, found = (
         Estimator(map_of(replace(model, strain_load_covariance=0.0 * model.strain_load_covariance))).estimate(
             model.m, Q, valid=valid

@@ -15,7 +15,7 @@ from strainfmu.estimator.air_inputs import AIR_DATA_NAMES, QSource
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState, chi_square_limit
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map, save_inverse_map
-from strainfmu.estimator.policies import RETURN_AFTER
+from strainfmu.estimator.policies import POLICIES
 from strainfmu.flight_condition import FlightCondition
 
 pytestmark = pytest.mark.fast
@@ -235,11 +235,11 @@ def test_steps_follow_the_search_and_keep_lock() -> None:
 
 
 def test_after_strain_off_the_tables_the_loads_come_back_late() -> None:
-    k = RETURN_AFTER + 3
+    k = POLICIES.return_after + 3
     strain = np.array([strain_at(CONDITION, seed) for seed in (1, 1, *range(k))])
     strain[1] += 2e-5 * np.cos(np.arange(N_D))
     found = Estimator(whole_map()).track(strain, **navigation(CONDITION))
-    late = slice(1, 1 + RETURN_AFTER)
+    late = slice(1, 1 + POLICIES.return_after)
     assert np.all(found.is_linear[late])
     assert np.all(found.health[late] != HealthState.OK)
     assert not found.is_linear[-1]

@@ -14,7 +14,7 @@ from strainfmu.estimator.core import Core
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.flight_tables import LOG_PRESSURE, MACH, U, W, evaluate
-from strainfmu.estimator.policies import RETURN_AFTER, SEARCH_EVERY
+from strainfmu.estimator.policies import POLICIES
 
 pytestmark = pytest.mark.fast
 N_D = STATIONS * ROWS
@@ -45,7 +45,7 @@ def dynamic_pressure(state: np.ndarray) -> np.ndarray:
 
 def test_a_jump_fits_in_its_own_step(estimator: Estimator) -> None:
     state, strain = flights(estimator, 8, 1)
-    repeat = SEARCH_EVERY + 1
+    repeat = POLICIES.search_every + 1
     found = estimator.track(np.repeat(strain, repeat, axis=0), np.repeat(dynamic_pressure(state), repeat))
     assert np.all(found.fits)
     assert not np.any(found.is_linear)
@@ -59,7 +59,7 @@ def test_navigation_that_is_dropped_with_an_alarm_is_doubted(estimator: Estimato
         "static_pressure": float(np.exp(state[LOG_PRESSURE])),
         "q_source": 1.0,
     }
-    k = SEARCH_EVERY + 1
+    k = POLICIES.search_every + 1
     found = estimator.track(np.tile(strain, (k, 1)), float(dynamic_pressure(state)), **flow)
     assert np.all(found.health == HealthState.DEGRADED)
     assert found.fits[-1]
@@ -71,17 +71,17 @@ def test_a_spike_does_not_move_the_state(estimator: Estimator) -> None:
     state, strain = flights(estimator, 12, 3)
     for one, readings in zip(state, strain, strict=True):
         estimator.restart()
-        rows = np.tile(readings, (2 + RETURN_AFTER, 1))
+        rows = np.tile(readings, (2 + POLICIES.return_after, 1))
         rows[1, 7] += 5.0 * np.max(np.abs(readings))
         found = estimator.track(rows, float(dynamic_pressure(one)))
-        assert found.fits.tolist() == [True, False, *[True] * RETURN_AFTER]
+        assert found.fits.tolist() == [True, False, *[True] * POLICIES.return_after]
         assert not found.is_linear[-1]
 
 
 def test_a_good_sample_returns_within_a_stated_number_of_steps(estimator: Estimator) -> None:
     """From wherever the last state is, and with a search only just behind it."""
     state, strain = flights(estimator, 15, 4)
-    k = SEARCH_EVERY + RETURN_AFTER
+    k = POLICIES.search_every + POLICIES.return_after
     for row in range(1, 15):
         estimator.restart()
         estimator.track(strain[row - 1], float(dynamic_pressure(state[row - 1])))

@@ -19,7 +19,7 @@ from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.flight_tables import LOG_PRESSURE, MACH, U, W, evaluate
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
 from strainfmu.estimator.map.nonlinear_map import ManifoldMap
-from strainfmu.estimator.policies import RANGE_TOLERANCE
+from strainfmu.estimator.policies import POLICIES
 
 ALL, PRESSURE_ALONE = "M, p_inf and q_inf", "q_inf only"
 NAVIGATION = (ALL, PRESSURE_ALONE)
@@ -83,7 +83,7 @@ def envelope(manifold: ManifoldMap, machs: int = MACHS, incidences: int = INCIDE
         total_incidence=incidence,
         static_pressure=float(np.exp(state[0, 0, 0, LOG_PRESSURE])),
         state=state,
-        inside=np.all(np.abs(state[..., U : W + 1] - middle) <= (1.0 + RANGE_TOLERANCE) * half, axis=-1),
+        inside=np.all(np.abs(state[..., U : W + 1] - middle) <= (1.0 + POLICIES.range_tolerance) * half, axis=-1),
     )
 
 

@@ -34,7 +34,7 @@ from strainfmu.estimator.health import (
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.map.nonlinear_map import ManifoldMap
 from strainfmu.estimator.other_loads import FIVE_LOADS
-from strainfmu.estimator.policies import MIN_INFORMATION
+from strainfmu.estimator.policies import POLICIES
 from strainfmu.estimator.reference.air import N_AIR, air_inputs
 from strainfmu.estimator.reference.gain import load_covariance, noise_precision, nominal, residual_precision
 from strainfmu.estimator.reference.linear import models
@@ -138,7 +138,7 @@ class _Detection(TypedDict):
 
 def _detection(precision: FloatArray, information: FloatArray) -> _Detection:
     """Return which biases show in residuals of ``precision`` P (n, n), from ``information`` (n,) of each gauge."""
-    n, minimum = len(precision), MIN_INFORMATION * information
+    n, minimum = len(precision), POLICIES.min_information * information
     # The precision of a gauge that no other checks is round-off.
     checked = np.where(np.diag(precision) <= minimum, 0.0, np.diag(precision))
     correlation, threshold = correlations(precision, minimum), outlier_threshold(n, FALSE_ALARM_PROBABILITY)
@@ -273,7 +273,7 @@ def _growth(inverse_map: InverseMap, gains: _Gains, lost: IntArray) -> FloatArra
     gain, precision, weight, cross, square, variance = gains
     block = lost[:, :, None], lost[:, None, :]
     fraction = np.linalg.eigvals(np.linalg.solve(weight[block], precision[block])).real.min(axis=1)
-    identified = (fraction >= MIN_INFORMATION) | (inverse_map.case == 2)
+    identified = (fraction >= POLICIES.min_information) | (inverse_map.case == 2)
     identified &= lost.shape[1] < inverse_map.n_gauges
     growth = np.full((len(lost), 5), np.inf)
     sets = lost[identified]

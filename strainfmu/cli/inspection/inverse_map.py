@@ -32,7 +32,7 @@ from strainfmu.estimator.map.schema import Entry, entries, left_out
 from strainfmu.estimator.map.sensors import CHANNELS, InertiaMap, ThermalMap, shown_units
 from strainfmu.estimator.map.validity import RECORDED_KEYS, valid_ranges
 from strainfmu.estimator.other_loads import FIVE_LOADS
-from strainfmu.estimator.policies import MIN_INFORMATION
+from strainfmu.estimator.policies import POLICIES
 from strainfmu.estimator.reference.gain import load_covariance, residual_precision
 from strainfmu.estimator.reference.readings import amplitudes
 from strainfmu.files import content_hash_of
@@ -107,7 +107,7 @@ def detectable_bias(inverse_map: InverseMap) -> FloatArray:
     At the estimator's rate of false alarms, shared among the gauges; infinite where no other gauge checks one.
     """
     precision = np.diag(residual_precision(inverse_map))
-    floor = MIN_INFORMATION * np.sum(inverse_root(inverse_map.noise_covariance) ** 2, axis=0)
+    floor = POLICIES.min_information * np.sum(inverse_root(inverse_map.noise_covariance) ** 2, axis=0)
     threshold = outlier_threshold(inverse_map.n_gauges, FALSE_ALARM_PROBABILITY)
     return detected_bias(np.where(precision < floor, 0.0, precision), threshold)
 

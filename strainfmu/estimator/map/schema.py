@@ -290,7 +290,7 @@ def equal(first: Any, second: Any) -> bool:
 
 def stored_value(value: Any, stated: Entry, n_strains: int) -> FloatArray:
     """Return ``value`` of the field ``stated`` as ``map.bin`` has it."""
-    array, axes = np.asarray(value, dtype=float), stated.axes
+    array, axes = np.asarray(value, dtype=int if stated.kind == "whole" else float), stated.axes
     rows = {"5": slice(5), "n_strains": slice(n_strains), "n_others": slice(n_strains, None)}
     of_rows = {"5": "n_f", "n_strains": "n_d", "n_others": "n_d"}
     stored = stated.stored.split()

@@ -127,10 +127,6 @@ class HingeLines(MapRecord, where="hinge_lines"):
     # fmt: on
 
 
-LARGEST_RISE = 2000.0
-"""|rise| above the reference [K] beyond which a sensor is taken to be broken."""
-
-
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class ThermalMap(MapRecord, where="thermal"):
     """Temperature modes of a map for n_d gauges, k modes and n_t sensors."""

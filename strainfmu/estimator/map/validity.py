@@ -30,23 +30,8 @@ from strainfmu.flight_condition import (
     with_unit,
 )
 
-MIN_DYNAMIC_PRESSURE, MAX_DYNAMIC_PRESSURE = 1e-6, 1e7
-"""q_inf [Pa] below which there is no flow, and above which no vehicle flies (M 10 at sea level: 7.1e6)."""
-
-MACH_TOLERANCE = 0.025
-"""Relative error of a measured Mach number that the range allows: three standard deviations of 0.05 at M 6.
-
-A flight at the end of the range is inside it. At 0.01 one flight in twelve there was outside by its measured M.
-"""
-
-PRESSURE_TOLERANCE = 0.05
-"""Relative difference of dynamic pressure and 0.7 M^2 p(h) that errors of navigation and weather explain."""
-
 PARAMETER_TOLERANCE = 0.01
 """Part of its range by which a parameter may leave it: errors of a sensor of deflection, and of rounding."""
-
-LARGEST_SCORE = 1e9
-"""Score of a value that is no finite number, infinity."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

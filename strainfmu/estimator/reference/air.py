@@ -35,17 +35,13 @@ from strainfmu.estimator.air_inputs import (
     QSource,
 )
 from strainfmu.estimator.arguments import positive
-from strainfmu.estimator.health import outlier_threshold
 from strainfmu.estimator.map.flight_tables import LOG_PRESSURE, MACH, MIN_INCIDENCE, N_STATES, U, W
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.policies import FALSE_ALARMS, NAVIGATION_ALARM
+from strainfmu.estimator.policies import POLICIES
 from strainfmu.estimator.signal_names import NOT_KNOWN
 
 N_AIR, LEAST_RELATIVE_STD = 3, 1e-3
 """Number of air data, and their smallest standard deviation over the value."""
-
-DROPPED = np.array([outlier_threshold(1, rate) for rate in FALSE_ALARMS])
-"""|z| of M, p_inf and q_inf from which they are dropped."""
 
 UNLIKELY_PRESSURE = 1.5
 """|z| from which a static pressure that no other measurement confirms is doubted."""
@@ -270,7 +266,7 @@ def without(air: AirInputs, z: FloatArray, dropped: int) -> AirInputs:
     These count with standard deviations larger by |z| of the dropped one, and one more for the noise in it.
     """
     size, gone = abs(z[dropped]), np.arange(N_AIR) == dropped
-    doubted = (size <= NAVIGATION_ALARM) | (size**2 - z**2 < DISCERNED)
+    doubted = (size <= POLICIES.navigation_alarm) | (size**2 - z**2 < DISCERNED)
     std = air.std * np.where(doubted, size + 1.0, 1.0)
     return replace(air, value=np.where(gone, np.nan, air.value), std=np.where(gone, np.nan, std))
 

@@ -15,7 +15,7 @@ import numpy as np
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.other_loads import FIVE_LOADS
-from strainfmu.estimator.policies import MIN_EXPECTED_RATIO
+from strainfmu.estimator.policies import POLICIES
 from strainfmu.estimator.reference.update import Model, condition, joseph, model_of, prepare
 
 
@@ -83,7 +83,7 @@ def estimate(
     freedom = inverse_map.residual_degrees_of_freedom - int(np.sum(~used))
     expected = 1.0 + np.einsum("kij,kji->k", residual.precision, added) / max(freedom, 1)
     of_coefficients = scale[:, :, None] * covariance * scale[:, None] + _outer(of_both)
-    of_fit = residual.chi_square, np.full(len(rows), freedom), np.maximum(expected, MIN_EXPECTED_RATIO)
+    of_fit = residual.chi_square, np.full(len(rows), freedom), np.maximum(expected, POLICIES.min_expected_ratio)
     covariance = covariance + _outer(of_pressure)
     return LinearEstimate(loads, covariance, coefficients, of_coefficients, *of_fit, residual.standardised)
 

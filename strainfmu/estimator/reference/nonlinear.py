@@ -27,9 +27,8 @@ from strainfmu.atmosphere import HEAT_CAPACITY_RATIO
 from strainfmu.estimator.map.flight_tables import LOG_PRESSURE, MACH, N_STATES, U, W, evaluate
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.map.nonlinear_map import ManifoldMap
-from strainfmu.estimator.policies import LARGEST_STEP
+from strainfmu.estimator.policies import POLICIES
 from strainfmu.estimator.reference.air import (
-    DROPPED,
     N_AIR,
     AirInputs,
     air_data,
@@ -225,7 +224,7 @@ class NonlinearReference:
 
     def moved(self, state: FloatArray, step: FloatArray) -> FloatArray:
         """Return ``state`` after a limited ``step``, not farther beyond the tables than their tangents hold."""
-        m, out = self.manifold, state + step / max(np.max(np.abs(step) / LARGEST_STEP), 1.0)
+        m, out = self.manifold, state + step / max(np.max(np.abs(step) / POLICIES.largest_step), 1.0)
         out[MACH] = np.clip(out[MACH], 0.7 * m.mach_range[0], 1.3 * m.mach_range[1])
         out[U : W + 1] *= min(1.0, 1.5 * m.incidence_limit / max(np.hypot(out[U], out[W]), 1e-12))
         low, high = np.log(m.pressure_range)
@@ -255,8 +254,12 @@ class NonlinearReference:
         """
         solution = self.solved(sample, start)
         z = solution.air_standardised
-        worst = int(np.argmax(np.abs(z) / DROPPED))
-        air = without(sample.air, z, worst) if abs(z[worst]) > DROPPED[worst] else doubted(sample.air, z)
+        worst = int(np.argmax(np.abs(z) / POLICIES.navigation_limit))
+        air = (
+            without(sample.air, z, worst)
+            if abs(z[worst]) > POLICIES.navigation_limit[worst]
+            else doubted(sample.air, z)
+        )
         return solution if air is None else self.solved(replace(sample, air=air), start)
 
     def solved(self, sample: Sample, start: FloatArray | None = None) -> NonlinearEstimate:

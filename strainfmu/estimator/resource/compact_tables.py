@@ -12,40 +12,40 @@ across its meridian, and E is the same all around a station.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import lru_cache
 from math import atan2, cos, sin
-from typing import NamedTuple
 
 import numpy as np
 
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.map.nonlinear_map import ParameterTables
+from strainfmu.estimator.map.schema import MapRecord, entry
 from strainfmu.estimator.numerics import product
 
 ROUND_OFF = 1e-13
 """Difference of two tables, and rest of a table, in parts of their largest value, that counts as none."""
 
 
-class ChannelTables(NamedTuple):
-    """Tables of strain and loads without repetition.
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class ChannelTables(MapRecord, where="tables without repetition"):
+    """Tables of strain and loads without repetition."""
 
-    Attributes
-    ----------
-    table : (n_M + 2, n_a + 2, n_c, n_m) spline coefficients of each channel per p_inf.
-    row, channel : (n_t,) row of the response that a term adds to, ascending, and its channel.
-    cosine, sine : (n_t, n_m) factors of cos m phi_T and sin m phi_T in a term.
-    """
-
-    table: FloatArray
-    row: FloatArray
-    channel: FloatArray
-    cosine: FloatArray
-    sine: FloatArray
+    # fmt: off
+    table: FloatArray = entry("n_mach+2 n_incidence+2 n_channels n_harmonics", "1/Pa, m2, m3",
+        "coefficients of each channel, per p_inf")
+    row: FloatArray = entry("n_terms", "", "row of the response that a term adds to, ascending")
+    channel: FloatArray = entry("n_terms", "", "channel of each term")
+    cosine: FloatArray = entry("n_terms n_harmonics", "1", "factors of cos m phi_T in a term")
+    sine: FloatArray = entry("n_terms n_harmonics", "1", "the same of sin m phi_T")
+    fixed_response: FloatArray = entry("n_rows", "m/m, N, N.m", "part that does not follow p_inf")
+    # fmt: on
 
 
-def channel_tables(response: FloatArray, roll_angle: FloatArray) -> ChannelTables:
+def channel_tables(response: FloatArray, fixed_response: FloatArray, roll_angle: FloatArray) -> ChannelTables:
     """Return the tables ``response`` (n_M + 2, n_a + 2, n_r, n_m, 2) without repetition.
 
+    ``fixed_response`` (n_r,) is the part of the response that does not follow p_inf.
     ``roll_angle`` (n_d,) is the roll angle of the gauges [rad], the first n_d of the n_r rows.
     """
     channels, terms = list[FloatArray](), list[tuple[int, int, FloatArray, FloatArray]]()
@@ -57,7 +57,14 @@ def channel_tables(response: FloatArray, roll_angle: FloatArray) -> ChannelTable
             if np.max(np.abs(value)) > ROUND_OFF * largest or (first is phase[0] and largest == 0.0):
                 terms.append((row, _channel_of(channels, value), first, second))
     row_of, channel_of, cosine, sine = (np.array(values) for values in zip(*terms, strict=True))
-    return ChannelTables(np.stack(channels, axis=2), row_of.astype(float), channel_of.astype(float), cosine, sine)
+    return ChannelTables(
+        table=np.stack(channels, axis=2),
+        row=row_of.astype(float),
+        channel=channel_of.astype(float),
+        cosine=cosine,
+        sine=sine,
+        fixed_response=fixed_response,
+    )
 
 
 _Phase = tuple[FloatArray, FloatArray]

@@ -23,7 +23,7 @@ import numpy as np
 
 from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, layer_table
-from strainfmu.estimator import health, policies, settings, tare
+from strainfmu.estimator import health, settings, tare
 from strainfmu.estimator.air_inputs import ALTITUDE, DYNAMIC_PRESSURE, MACH_NUMBER, NAVIGATION
 from strainfmu.estimator.gauge_zeros import LARGEST_ZERO
 from strainfmu.estimator.map import validity
@@ -31,9 +31,10 @@ from strainfmu.estimator.map.flight_tables import MIN_INCIDENCE
 from strainfmu.estimator.map.inverse_map import InverseMap, groups_of_outputs, has_filter
 from strainfmu.estimator.map.nonlinear_map import ManifoldMap, Powers
 from strainfmu.estimator.map.schema import BOUNDS, FROM_0, INCREASING, POSITIVE, Entry, entries, stored_value
-from strainfmu.estimator.map.sensors import CHANNELS, LARGEST_RISE, InertiaMap, SensorRows, ThermalMap
+from strainfmu.estimator.map.sensors import CHANNELS, InertiaMap, SensorRows, ThermalMap
 from strainfmu.estimator.numerics import arrow_triangle, householder, product
 from strainfmu.estimator.other_loads import FIVE_LOADS, OTHER_LOADS, load_arrays
+from strainfmu.estimator.policies import POLICIES, Policies
 from strainfmu.estimator.resource.compact_tables import ChannelTables, channel_tables, error_products, factors
 from strainfmu.estimator.signal_names import NOT_KNOWN, STRAIN, TARE
 from strainfmu.resource_file import container, texts, with_header
@@ -44,8 +45,6 @@ FORMAT_VERSION = 8
 GUID_SIZE = 80
 PARAMETER_NAME_SIZE = OUTPUT_NAME_SIZE = 48
 """Bytes of the guid, of the name of a parameter, of an array of outputs; with a final zero."""
-
-_LIMITS = tare.TareLimits()
 
 
 class Spread(NamedTuple):
@@ -109,12 +108,13 @@ class Source:
     def channels(self) -> dict[str, ChannelTables]:
         """Tables without repetition by part."""
         roll_angle = np.arctan2(*self.map.gauge_position[:, 1:].T)
-        tables = {"flight": channel_tables(self.tables.tables.response, roll_angle)}
-        if self.tables.considered_tables is not None:
-            tables["considered"] = channel_tables(self.tables.considered_tables.response, roll_angle)
+        response, fixed = self.tables.response, self.tables.fixed_response
+        n, considered = self.tables.n_gauges + FIVE_LOADS.stop, self.tables.considered_tables
+        tables = {"flight": channel_tables(response[:, :, :n], fixed[:n], roll_angle)}
+        if considered is not None:
+            tables["considered"] = channel_tables(considered.response, considered.fixed_response, roll_angle)
         if self.map.has_other_loads:
-            first = self.tables.n_gauges + FIVE_LOADS.stop
-            tables["flight_loads"] = channel_tables(self.tables.response[:, :, first:], np.zeros(0))
+            tables["flight_loads"] = channel_tables(response[:, :, n:], fixed[n:], np.zeros(0))
         return tables
 
     @cached_property
@@ -148,21 +148,13 @@ def _bounds(value: FloatArray) -> FloatArray:
     return np.clip(value, -sys.float_info.max, sys.float_info.max)
 
 
-def _tables(part: str, fixed_response: Callable[[Any], FloatArray]) -> tuple[Entry, ...]:
-    """Return the arrays of tables without repetition (:mod:`.compact_tables`)."""
-    # fmt: off
-    return (
-        Entry(f"{part}.table", "coefficients of each channel, per p_inf", lambda s: s.channels[part].table,
-            "n_mach+2 n_incidence+2 n_channels n_harmonics", unit="1/Pa, m2, m3"),
-        Entry(f"{part}.row", "that a term adds to, ascending", lambda s: s.channels[part].row, "n_terms"),
-        Entry(f"{part}.channel", "of each term", lambda s: s.channels[part].channel, "n_terms"),
-        Entry(f"{part}.cosine", "factors of cos m phi_T in a term", lambda s: s.channels[part].cosine,
-            "n_terms n_harmonics"),
-        Entry(f"{part}.sine", "the same of sin m phi_T", lambda s: s.channels[part].sine, "n_terms n_harmonics"),
-        Entry(f"{part}.fixed_response", "part that does not follow p_inf", fixed_response, "n_rows",
-            unit="m/m, N, N.m"),
-    )
-    # fmt: on
+def _tables(part: str) -> tuple[Entry, ...]:
+    """Return the arrays of tables without repetition."""
+
+    def array(name: str, stated: Entry) -> Entry:
+        return replace(stated, place=f"{part}.{name}", value=lambda s: getattr(s.channels[part], name))
+
+    return tuple(array(name, stated) for name, stated in entries(ChannelTables).items())
 
 
 def _covariances(place: str, before: str, columns: str, errors: str) -> tuple[Entry, ...]:
@@ -204,12 +196,6 @@ DERIVED: tuple[Entry, ...] = (
         rule=POSITIVE),
     Entry("linear.outlier_threshold", "by the number of gauges from 1 on",
         lambda s: [_outlier_threshold(n) for n in range(1, s.map.n_gauges + 1)], "n_gauges", rule=POSITIVE),
-    Entry("linear.min_information", "below which gauges do not identify the state", policies.MIN_INFORMATION),
-    Entry("linear.ambiguous_correlation", "above which gauges cannot be distinguished",
-        health.AMBIGUOUS_CORRELATION),
-    Entry("linear.min_dynamic_pressure", "below which there are no coefficients", validity.MIN_DYNAMIC_PRESSURE,
-        unit="Pa", rule=POSITIVE),
-    Entry("linear.max_dynamic_pressure", "above which there are none", validity.MAX_DYNAMIC_PRESSURE, unit="Pa"),
     Entry("settings.smallest", "bounds of settings", settings.SMALLEST_SETTING,
         low=sys.float_info.min, high=1.0, member="smallest_setting"),
     Entry("settings.largest", "the same", settings.LARGEST_SETTING, low=1.0, member="largest_setting"),
@@ -224,13 +210,11 @@ DERIVED: tuple[Entry, ...] = (
     Entry(f"envelope.{DYNAMIC_PRESSURE}", "smallest and largest, may be infinite",
         lambda s: _bounds(s.map.dynamic_pressure_range), "2", unit="Pa", rule=BOUNDS, kind="values"),
     Entry(f"envelope.{MACH_NUMBER}", "the same",
-        lambda s: _bounds(s.map.mach_number_range * (1.0 + validity.MACH_TOLERANCE * np.array([-1.0, 1.0]))), "2",
+        lambda s: _bounds(s.map.mach_number_range * (1.0 + POLICIES.mach_tolerance * np.array([-1.0, 1.0]))), "2",
         rule=BOUNDS, kind="values"),
     Entry(f"envelope.{ALTITUDE}", "the same", lambda s: _bounds(s.map.altitude_range), "2", unit="m", rule=BOUNDS,
         kind="values"),
     Entry("envelope.half_gamma", "q = half_gamma M^2 p(h)", 0.5 * HEAT_CAPACITY_RATIO),
-    Entry("envelope.pressure_tolerance", "relative difference of the two that is no contradiction",
-        validity.PRESSURE_TOLERANCE),
     Entry("envelope.layers", "of the atmosphere", layer_table(), "n_layers LAYER_SIZE", unit=""),
     Entry("scaled.follows_pressure", "whether the form is dynamic_pressure", lambda s: s.map.follows_pressure,
         kind="whole", low=0, high=1),
@@ -240,8 +224,6 @@ DERIVED: tuple[Entry, ...] = (
     Entry("scaled.fixed_load", "f_0", lambda s: s.fixed_load[FIVE_LOADS], "5", unit="N, N.m"),
     Entry("scaled.load_of_mean", "f_mean - f_0", lambda s: (s.map.load_of_mean - s.fixed_load)[FIVE_LOADS], "5",
         unit="N, N.m"),
-    Entry("scaled.min_expected_ratio", "smallest expected chi-square over its degrees of freedom",
-        policies.MIN_EXPECTED_RATIO),
     Entry("scaled.spread", "N of what has a prior, N N' the sum over its columns", lambda s: s.spread.strain,
         "n_gauges n_gauges", unit="m/m"),
     Entry("scaled.spread_load", "loads of its columns", lambda s: s.spread.load[:, FIVE_LOADS], "n_gauges 5",
@@ -276,26 +258,14 @@ DERIVED: tuple[Entry, ...] = (
         "n_gauges n_loads", unit="N, N.m"),
     Entry("other_loads.spread_unseen", "variances of what those do not hold",
         lambda s: np.diag(s.spread.unseen)[OTHER_LOADS], "n_loads", unit=""),
-    Entry("filter.smallest_time", "of the time constant", policies.SMALLEST_TIME, unit="s", rule=POSITIVE),
-    Entry("filter.largest_time", "of the time constant, and of a step", policies.LARGEST_TIME, unit="s",
-        rule=POSITIVE),
-    Entry("filter.white_navigation", "part of the variance of air data that is independent from sample to sample",
-        policies.WHITE_NAVIGATION, low=0.0, high=1.0),
-    Entry("filter.rate", "standard deviations of the rates of (M, u, w, ln p_inf) while no strain comes; "
-        "60 m/s^2 at 20 km, 6 deg/s, a climb of 640 m/s", (0.2, 0.1, 0.1, 0.1), "4", unit="1/s", rule=POSITIVE,
-        kind="values"),
     Entry("filter.noise", "variances of what is independent from sample to sample", lambda s: white_noise(s.map),
         "n_gauges", unit="(m/m)^2", rule=POSITIVE),
-    Entry("thermal.largest_rise", "beyond which a sensor is taken to be broken", LARGEST_RISE,
-        unit="K", rule=POSITIVE),
     Entry("thermal.scaled_covariance", "of the errors that scale",
         lambda s: s.map.scaled_covariance, "n_gauges n_gauges", unit="(m/m)^2"),
     Entry("inertia.channels", "of the sensors, the last: of an inertial unit", len(CHANNELS),
         kind="count", low=1, high=4096, member="n_channels"),
     Entry("inertia.vibrations", "of the modes, the last: of vibration, whose size is an input",
         lambda s: s.map.inertia.vibration_strain.shape[1], kind="count", low=0, high=4096, member="n_vibrations"),
-    Entry("parameters.tolerance", "score up to which a parameter is inside", validity.PARAMETER_TOLERANCE),
-    Entry("parameters.largest_score", "of a value that is no finite number, infinity", validity.LARGEST_SCORE),
     Entry("parameters.minimum", "over the snapshots", lambda s: s.parameters.minimum, "n_parameters", unit=""),
     Entry("parameters.maximum", "the same", lambda s: s.parameters.maximum, "n_parameters", unit=""),
     Entry("parameters.span", "width of the range, at least the size of a value that is fixed",
@@ -305,19 +275,6 @@ DERIVED: tuple[Entry, ...] = (
         "n_parameters PARAMETER_NAME_SIZE", kind="text"),
     Entry("angles.incidence_per_force", "largest total angle of attack over the largest lateral coefficient",
         lambda s: validity.incidence_per_force(s.map), unit="rad", rule=POSITIVE),
-    Entry(f"{TARE}.dynamic_pressure", "largest at rest", _LIMITS.dynamic_pressure, unit="Pa", low=0.0),
-    Entry(f"{TARE}.zero", "largest zero offset", _LIMITS.zero, unit="m/m", low=0.0),
-    Entry(f"{TARE}.drift", "largest over the window", _LIMITS.drift, unit="m/m", low=0.0),
-    Entry(f"{TARE}.least_samples", "of a window", float(tare.LEAST_SAMPLES), low=float(tare.LEAST_SAMPLES)),
-    Entry(f"{TARE}.least_part", "of the samples that a gauge must read", tare.LEAST_PART, low=0.0),
-    Entry(f"{TARE}.least_gauges", "part of the gauges that must have a zero", 0.5, low=0.0),
-    Entry(f"{TARE}.own_factor",
-        "of the scatter of a gauge by its own noise; times the scatter of the stretches of all gauges", 3.0,
-        low=0.0),
-    Entry(f"{TARE}.moved",
-        "factor on the scatter from which gauges move; standard deviations of a line's rise over the window", 6.0,
-        low=0.0),
-    Entry(f"{TARE}.loud", "factor on the scatter from which a gauge is loud", tare.LOUD, low=0.0),
     Entry(f"{TARE}.known_strain", "of the loads that act meanwhile", lambda s: s.known.value, "n_strains",
         unit="m/m"),
     Entry(f"{TARE}.known_std", "its standard deviation", lambda s: s.known.std, "n_strains", unit="m/m",
@@ -328,7 +285,7 @@ DERIVED: tuple[Entry, ...] = (
         lambda s: tare.load_odds(s.map), "n_strains+1"),
     Entry("flight.min_incidence", "rounds the cone of total angle of attack off at its tip",
         MIN_INCIDENCE, unit="rad", rule=POSITIVE),
-    *_tables("flight", lambda s: s.tables.tables.fixed_response),
+    *_tables("flight"),
     Entry("flight.log_pressure_range", "ln(p_inf / Pa)",
         lambda s: [log(p) for p in s.tables.pressure_range.tolist()], "2", rule=INCREASING, kind="values"),
     Entry("flight.middle_log_pressure", "the same", lambda s: np.log(s.tables.pressure_range).mean()),
@@ -340,7 +297,6 @@ DERIVED: tuple[Entry, ...] = (
         rule=POSITIVE, kind="values"),
     Entry("flight.outside_score", "of the flight state from which it is outside",
         lambda s: s.tables.outside_score),
-    Entry("flight.range_tolerance", "part of a range by which it may be left", policies.RANGE_TOLERANCE),
     Entry("flight.navigation_error",
         "of navigation without a standard deviation: of M, relative of p_inf and q_inf",
         lambda s: [getattr(s.tables, f"{name}_error") for name in NAVIGATION], "3", kind="values"),
@@ -348,22 +304,8 @@ DERIVED: tuple[Entry, ...] = (
         lambda s: s.tables.state_prior[0], "4", unit="", kind="values"),
     Entry("flight.prior_precision", "its inverse variance", lambda s: 1.0 / s.tables.state_prior[1]**2, "4",
         unit="", rule=POSITIVE, kind="values"),
-    Entry("flight.navigation_limit", "standardised residuals above which navigation is inconsistent",
-        [health.outlier_threshold(1, rate) for rate in policies.FALSE_ALARMS], "3", kind="values"),
-    Entry("flight.navigation_alarm", "from which an input that is dropped is an alarm", policies.NAVIGATION_ALARM),
     Entry("flight.half_gamma", "q = half_gamma M^2 p", 0.5 * HEAT_CAPACITY_RATIO),
     Entry("flight.log_half_gamma", "its logarithm", log(0.5 * HEAT_CAPACITY_RATIO)),
-    Entry("flight.largest_step", "of an iteration", policies.LARGEST_STEP, "4", unit="", rule=POSITIVE,
-        kind="values"),
-    Entry("flight.min_gain", "of an iteration that goes on", policies.MIN_GAIN),
-    Entry("flight.min_incidence_score",
-        "from which the wind has a roll angle; standard deviations of the total incidence above zero", 3.0),
-    Entry("flight.search_every", "steps", policies.SEARCH_EVERY, kind="whole", low=0, high=1000000),
-    Entry("flight.return_after", "steps", policies.RETURN_AFTER, kind="whole", low=0, high=1000000),
-    Entry("flight.start_iterations", "an even number", policies.START_ITERATIONS, kind="whole", low=2, high=1000),
-    Entry("flight.cold_iterations", "after a search", policies.COLD_ITERATIONS, kind="whole", low=0, high=1000),
-    Entry("flight.warm_iterations", "of a step that goes on", policies.WARM_ITERATIONS, kind="whole", low=0,
-        high=1000),
     Entry("flight.shape_limit", "sum of squares of discrepancy modes from which strain does not fit",
         lambda s: s.tables.shape_limit),
     Entry("flight.outlier_threshold", "of the largest leave-one-out residual",
@@ -379,10 +321,8 @@ DERIVED: tuple[Entry, ...] = (
     Entry("flight.considered_common", "considered ones of common_error", lambda s: s.tables.considered_common,
         "n_considered_common 6 n_gauges", unit="1/Pa"),
     Entry("flight.shapes", "discrepancy modes", lambda s: s.tables.discrepancy_shapes.T, "n_shapes n_gauges"),
-    *_tables("considered", lambda s: s.tables.considered_tables.fixed_response),
-    *_tables("flight_loads", lambda s: s.tables.fixed_response[s.tables.n_gauges + FIVE_LOADS.stop :]),
-    Entry("parameter_tables.largest_score", "of a parameter's range by which it may leave it and still be used",
-        policies.LARGEST_USED_SCORE, low=0.0),
+    *_tables("considered"),
+    *_tables("flight_loads"),
     Entry("parameter_tables.basis", "tables, orthonormal, whose sums by", lambda s: s.factors[0],
         "n_basis n_incidence+2 n_harmonics 2"),
     Entry("parameter_tables.row_weight", "are of a unit of a power, per p_inf", lambda s: s.factors[1],
@@ -414,6 +354,8 @@ RECORDS: tuple[tuple[type[Any], Callable[[Source], Any], dict[str, str]], ...] =
         {"n_d": "n_gauges", "n_M": "n_mach", "n_a": "n_incidence", "n_e": "n_common"},
     ),
     (Powers, lambda s: s.tables.parameters.powers, {"n_p": "n_parameters", "J": "n_powers"}),
+    (Policies, lambda s: POLICIES, {}),
+    (tare.TareLimits, lambda s: tare.TareLimits(), {}),
 )
 """Records of a map whose fields have places in ``map.bin``, where they come from, and their symbols there."""
 

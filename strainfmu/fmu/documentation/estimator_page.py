@@ -12,7 +12,7 @@ from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
 from strainfmu.estimator.map.sensors import ThermalMap
 from strainfmu.estimator.map.validity import all_ranges
-from strainfmu.estimator.policies import RETURN_AFTER
+from strainfmu.estimator.policies import POLICIES
 from strainfmu.fmu.documentation.index_page import Section
 from strainfmu.fmu.documentation.run_panels import estimate_figure, fault_span
 from strainfmu.fmu.reference_run.run import TRUTH, ReferenceRun, is_usual
@@ -178,7 +178,8 @@ def _example(inverse_map: InverseMap, run: ReferenceRun) -> list[str]:
     if len(not_ok):
         good += f". In the others it is {_states(not_ok)}"
     if len(not_ok) and inverse_map.manifold is not None and is_usual(run):
-        good += f": loads are the linear map's until strain has fitted the tables {RETURN_AFTER} times in a row"
+        steps = POLICIES.return_after
+        good += f": loads are the linear map's until strain has fitted the tables {steps} times in a row"
     return [
         f"A flight of {run.time[-1]:g} s that the snapshots cover, with its air data, is in "
         "extra/org.fmi-standard.fmi-ls-ref: inputs and the outputs to expect. True values are in "

@@ -19,7 +19,7 @@ from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import InverseMap, groups_of_outputs
 from strainfmu.estimator.map.validity import flow_parameters
-from strainfmu.estimator.policies import RETURN_AFTER
+from strainfmu.estimator.policies import POLICIES
 from strainfmu.estimator.signal_names import COEFFICIENT_ARRAY, FORCE, MOMENT, TEMPERATURE
 from strainfmu.estimator.tare import TareState
 from strainfmu.fmu.reference_run.flight_path import rounded
@@ -92,7 +92,7 @@ def is_usual(run: ReferenceRun) -> bool:
     state, fails = run.outputs[STATE], run.fault.fails
     named = run.outputs[SUSPECT_GAUGE] == run.fault.gauge + 1
     after = np.cumsum(fails) > 0
-    returns = after & (np.cumsum(after & ~fails) < RETURN_AFTER)
+    returns = after & (np.cumsum(after & ~fails) < POLICIES.return_after)
     allowed = (state == HealthState.OK) | (returns & (state == HealthState.DEGRADED))
     return bool(np.all(np.where(fails, np.isin(state, FAULT_STATES) & named, allowed)))
 

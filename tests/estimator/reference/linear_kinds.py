@@ -16,7 +16,8 @@ from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.gauge_zeros import GaugeZeros
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.map.sensors import LARGEST_RISE, ThermalMap
+from strainfmu.estimator.map.sensors import ThermalMap
+from strainfmu.estimator.policies import POLICIES
 from strainfmu.estimator.reference import linear
 from strainfmu.estimator.reference.readings import amplitudes, row_noise, rows_of
 from strainfmu.estimator.settings import default_settings
@@ -39,7 +40,9 @@ def in_use(
 
 def known_sensors(thermal: ThermalMap, temperature: np.ndarray) -> np.ndarray:
     """Return which of ``temperature`` (k, n_t) [K] are readings."""
-    return np.asarray((temperature > 0.0) & (np.abs(temperature - thermal.reference_temperature) <= LARGEST_RISE))
+    return np.asarray(
+        (temperature > 0.0) & (np.abs(temperature - thermal.reference_temperature) <= POLICIES.largest_rise)
+    )
 
 
 def absolute(gamma: float) -> InverseMap:

@@ -11,7 +11,7 @@ from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.flight_tables import evaluate
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.policies import WHITE_NAVIGATION
+from strainfmu.estimator.policies import POLICIES
 from strainfmu.estimator.reference import linear
 from strainfmu.estimator.reference.windows import averaged, span_counts, windows
 
@@ -165,7 +165,7 @@ def test_noise_of_a_nonlinear_estimate_is_that_of_differences() -> None:
         expected = white @ ((one - other) / (2.0 * step[:, None])) ** 2
         for above, below in of_air:
             slope = (getattr(above, name) - getattr(below, name))[0] / 0.2
-            expected = expected + WHITE_NAVIGATION * slope**2
+            expected = expected + POLICIES.white_navigation * slope**2
         before, after = (variances(each, name)[-1] for each in (alone, found))
         # Deviations of coefficients are wider by a tenth: three of them reach as far as those of ln q_inf.
         wider = 0.1 if name == "coefficients" else 0.02

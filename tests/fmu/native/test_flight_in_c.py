@@ -91,7 +91,7 @@ def test_channels_are_the_tables(inverse_map: InverseMap, turn: float) -> None:
     """Whatever the stated roll angles are; gauges that are rotations of each other have one channel."""
     manifold = inverse_map.manifold
     assert manifold is not None
-    found = channel_tables(manifold.response, turn + np.arange(N_D))
+    found = channel_tables(manifold.response, manifold.fixed_response, turn + np.arange(N_D))
     again = np.zeros_like(manifold.response)
     for row, channel, *factors in zip(found.row, found.channel, found.cosine, found.sine, strict=True):
         again[:, :, int(row)] += found.table[:, :, int(channel), :, None] * np.stack(factors, axis=-1)

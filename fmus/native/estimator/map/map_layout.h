@@ -29,14 +29,14 @@ enum {
     X(T, NUMBER, chi_square_scale, chi_square_scale, POSITIVE, 0, 0, 0, SYM_NONE, FIXED(0)) /* factor on the detection threshold of chi-square, from data of a truth model */ \
     X(T, NUMBER, outlier_scale, outlier_scale, POSITIVE, 0, 0, 0, SYM_NONE, FIXED(0)) /* the same on the threshold of the square of the largest |z| */ \
     X(T, NUMBER, level_slope, level_slope, BETWEEN, 0, 0, 1, SYM_NONE, FIXED(0)) /* a */ \
+    X(T, NUMBER, min_information, min_information, ANY, 0, 0, 0, SYM_NONE, FIXED(0)) /* fraction of the information on some state below which the rest of the gauges does not identify it */ \
+    X(T, NUMBER, ambiguous_correlation, ambiguous_correlation, ANY, 0, 0, 0, SYM_NONE, FIXED(0)) /* above which gauges cannot be distinguished */ \
+    X(T, NUMBER, min_dynamic_pressure, min_dynamic_pressure, POSITIVE, 0, 0, 0, SYM_NONE, FIXED(0)) /* below which there is no flow, and are no coefficients [Pa] */ \
+    X(T, NUMBER, max_dynamic_pressure, max_dynamic_pressure, ANY, 0, 0, 0, SYM_NONE, FIXED(0)) /* above which there are none [Pa] */ \
     X(T, WHOLE, degrees_of_freedom, degrees_of_freedom, ANY, 0, 1, 0, SYM_NONE, AXIS(GAUGES, 1, 0)) /* of the residual with all gauges */ \
     X(T, WHOLE, known_prior, known_prior, ANY, 0, 0, 1, SYM_NONE, FIXED(0)) /* 1 in Case 2 */ \
     X(T, ARRAY, chi_square_limit, chi_square_limit, POSITIVE, 1, 0, 0, SYM_NONE, AXIS(GAUGES, 1, 0)) /* by degrees of freedom from 1 on */ \
-    X(T, ARRAY, outlier_threshold, outlier_threshold, POSITIVE, 1, 0, 0, SYM_NONE, AXIS(GAUGES, 1, 0)) /* by the number of gauges from 1 on */ \
-    X(T, NUMBER, min_information, min_information, ANY, 0, 0, 0, SYM_NONE, FIXED(0)) /* below which gauges do not identify the state */ \
-    X(T, NUMBER, ambiguous_correlation, ambiguous_correlation, ANY, 0, 0, 0, SYM_NONE, FIXED(0)) /* above which gauges cannot be distinguished */ \
-    X(T, NUMBER, min_dynamic_pressure, min_dynamic_pressure, POSITIVE, 0, 0, 0, SYM_NONE, FIXED(0)) /* below which there are no coefficients [Pa] */ \
-    X(T, NUMBER, max_dynamic_pressure, max_dynamic_pressure, ANY, 0, 0, 0, SYM_NONE, FIXED(0)) /* above which there are none [Pa] */
+    X(T, ARRAY, outlier_threshold, outlier_threshold, POSITIVE, 1, 0, 0, SYM_NONE, AXIS(GAUGES, 1, 0)) /* by the number of gauges from 1 on */
 
 #define GAUGE_COVARIANCE(X, T) \
     X(T, ARRAY, gauge_covariance, gauge_covariance, COVARIANCE, 2, 0, 0, SYM_NONE, AXIS(GAUGES, 1, 0), AXIS(GAUGES, 1, 0)) /* Gamma_g, covariance of the errors that have no columns [(m/m)^2] */
@@ -66,20 +66,20 @@ enum {
     X(T, ARRAY, direction, direction, ANY, 2, 0, 0, SYM_NONE, FIXED(5), AXIS(HALF_SPACES, 1, 0)) /* half-spaces of the coefficients, n'C <= envelope_limit */ \
     X(T, ARRAY, limit, limit, ANY, 1, 0, 0, SYM_NONE, AXIS(HALF_SPACES, 1, 0)) /* see envelope_direction */ \
     X(T, NUMBER, score_limit, score_limit, POSITIVE, 0, 0, 0, SYM_NONE, FIXED(0)) /* standard deviations beyond them that count as outside */ \
+    X(T, NUMBER, pressure_tolerance, pressure_tolerance, ANY, 0, 0, 0, SYM_NONE, FIXED(0)) /* relative difference of q_inf and 0.7 M^2 p(h) that is no contradiction, but errors of navigation and weather */ \
     X(T, VALUES_2, dynamic_pressure, dynamic_pressure, BOUNDS, 1, 0, 0, SYM_NONE, FIXED(2)) /* smallest and largest, may be infinite [Pa] */ \
     X(T, VALUES_2, mach_number, mach_number, BOUNDS, 1, 0, 0, SYM_NONE, FIXED(2)) /* the same */ \
     X(T, VALUES_2, altitude, altitude, BOUNDS, 1, 0, 0, SYM_NONE, FIXED(2)) /* the same [m] */ \
     X(T, NUMBER, half_gamma, half_gamma, ANY, 0, 0, 0, SYM_NONE, FIXED(0)) /* q = half_gamma M^2 p(h) */ \
-    X(T, NUMBER, pressure_tolerance, pressure_tolerance, ANY, 0, 0, 0, SYM_NONE, FIXED(0)) /* relative difference of the two that is no contradiction */ \
     X(T, ARRAY, layers, layers, ANY, 2, 0, 0, SYM_NONE, AXIS(LAYERS, 1, 0), FIXED(LAYER_SIZE)) /* of the atmosphere */
 
 #define SCALED(X, T) \
+    X(T, NUMBER, min_expected_ratio, min_expected_ratio, ANY, 0, 0, 0, SYM_NONE, FIXED(0)) /* smallest expected chi-square over its degrees of freedom */ \
     X(T, WHOLE, follows_pressure, follows_pressure, ANY, 0, 0, 1, SYM_NONE, FIXED(0)) /* whether the form is dynamic_pressure */ \
     X(T, ARRAY, fixed_strain, fixed_strain, ANY, 1, 0, 0, SYM_NONE, AXIS(GAUGES, 1, 0)) /* d_0 [m/m] */ \
     X(T, ARRAY, mean_strain, mean_strain, ANY, 1, 0, 0, SYM_NONE, AXIS(GAUGES, 1, 0)) /* m - d_0, at the nominal dynamic pressure [m/m] */ \
     X(T, ARRAY, fixed_load, fixed_load, ANY, 1, 0, 0, SYM_NONE, FIXED(5)) /* f_0 [N, N.m] */ \
-    X(T, ARRAY, load_of_mean, load_of_mean, ANY, 1, 0, 0, SYM_NONE, FIXED(5)) /* f_mean - f_0 [N, N.m] */ \
-    X(T, NUMBER, min_expected_ratio, min_expected_ratio, ANY, 0, 0, 0, SYM_NONE, FIXED(0)) /* smallest expected chi-square over its degrees of freedom */
+    X(T, ARRAY, load_of_mean, load_of_mean, ANY, 1, 0, 0, SYM_NONE, FIXED(5)) /* f_mean - f_0 [N, N.m] */
 
 #define SPREAD(X, T) \
     X(T, ARRAY, spread, spread, ANY, 2, 0, 0, SYM_NONE, AXIS(GAUGES, 1, 0), AXIS(GAUGES, 1, 0)) /* N of what has a prior, N N' the sum over its columns [m/m] */ \
@@ -109,7 +109,7 @@ enum {
     X(T, NUMBER, gauge_factor_slope, gauge_factor_slope, ANY, 0, 0, 0, SYM_NONE, FIXED(0)) /* g [1/K] */ \
     X(T, NUMBER, modulus_slope, modulus_slope, ANY, 0, 0, 0, SYM_NONE, FIXED(0)) /* m [1/K] */ \
     X(T, ARRAY, isothermal_covariance, isothermal_covariance, COVARIANCE, 2, 0, 0, SYM_NONE, AXIS(GAUGES, 1, 0), AXIS(GAUGES, 1, 0)) /* the map's gauge_covariance without the modes [(m/m)^2] */ \
-    X(T, NUMBER, largest_rise, largest_rise, POSITIVE, 0, 0, 0, SYM_NONE, FIXED(0)) /* beyond which a sensor is taken to be broken [K] */ \
+    X(T, NUMBER, largest_rise, largest_rise, POSITIVE, 0, 0, 0, SYM_NONE, FIXED(0)) /* |rise| above the reference beyond which a sensor of temperature is taken to be broken [K] */ \
     X(T, ARRAY, scaled_covariance, scaled_covariance, ANY, 2, 0, 0, SYM_NONE, AXIS(GAUGES, 1, 0), AXIS(GAUGES, 1, 0)) /* of the errors that scale [(m/m)^2] */
 
 #define INERTIA(X, T) \
@@ -150,9 +150,9 @@ enum {
     X(T, ARRAY, spread_unseen, spread_unseen, ANY, 1, 0, 0, SYM_NONE, AXIS(LOADS, 1, 0)) /* variances of what those do not hold */
 
 #define FILTER(X, T) \
+    X(T, NUMBER, white_navigation, white_navigation, BETWEEN, 0, 0, 1, SYM_NONE, FIXED(0)) /* part of the variance of air data that is independent from sample to sample */ \
     X(T, NUMBER, smallest_time, smallest_time, POSITIVE, 0, 0, 0, SYM_NONE, FIXED(0)) /* of the time constant [s] */ \
     X(T, NUMBER, largest_time, largest_time, POSITIVE, 0, 0, 0, SYM_NONE, FIXED(0)) /* of the time constant, and of a step [s] */ \
-    X(T, NUMBER, white_navigation, white_navigation, BETWEEN, 0, 0, 1, SYM_NONE, FIXED(0)) /* part of the variance of air data that is independent from sample to sample */ \
     X(T, VALUES_4, rate, rate, POSITIVE, 1, 0, 0, SYM_NONE, FIXED(4)) /* standard deviations of the rates of (M, u, w, ln p_inf) while no strain comes [1/s] */ \
     X(T, ARRAY, noise, noise, POSITIVE, 1, 0, 0, SYM_NONE, AXIS(GAUGES, 1, 0)) /* variances of what is independent from sample to sample [(m/m)^2] */
 
@@ -168,8 +168,8 @@ enum {
     X(T, LENGTH, n_harmonics, table, ANY, 3, 0, 0, SYM_HARMONICS, FIXED(1), FIXED(4096)) \
     X(T, LENGTH, n_terms, row, ANY, 0, 0, 0, SYM_TERMS, AXIS(ROWS, 1, 0), AXIS(ROWS, 2, 0)) \
     X(T, ARRAY, table, table, ANY, 4, 0, 0, SYM_NONE, AXIS(MACH, 1, 2), AXIS(INCIDENCE, 1, 2), AXIS(CHANNELS, 1, 0), AXIS(HARMONICS, 1, 0)) /* coefficients of each channel, per p_inf [1/Pa, m2, m3] */ \
-    X(T, ARRAY, row, row, ANY, 1, 0, 0, SYM_NONE, AXIS(TERMS, 1, 0)) /* that a term adds to, ascending */ \
-    X(T, ARRAY, channel, channel, ANY, 1, 0, 0, SYM_NONE, AXIS(TERMS, 1, 0)) /* of each term */ \
+    X(T, ARRAY, row, row, ANY, 1, 0, 0, SYM_NONE, AXIS(TERMS, 1, 0)) /* row of the response that a term adds to, ascending */ \
+    X(T, ARRAY, channel, channel, ANY, 1, 0, 0, SYM_NONE, AXIS(TERMS, 1, 0)) /* channel of each term */ \
     X(T, ARRAY, cosine, cosine, ANY, 2, 0, 0, SYM_NONE, AXIS(TERMS, 1, 0), AXIS(HARMONICS, 1, 0)) /* factors of cos m phi_T in a term */ \
     X(T, ARRAY, sine, sine, ANY, 2, 0, 0, SYM_NONE, AXIS(TERMS, 1, 0), AXIS(HARMONICS, 1, 0)) /* the same of sin m phi_T */ \
     X(T, ARRAY, fixed_response, fixed_response, ANY, 1, 0, 0, SYM_NONE, AXIS(ROWS, 1, 0)) /* part that does not follow p_inf [m/m, N, N.m] */
@@ -189,28 +189,28 @@ enum {
     X(T, NUMBER, altitude_error, altitude_error, ANY, 0, 0, 0, SYM_NONE, FIXED(0)) /* standard deviation of p_inf of the standard atmosphere at a stated altitude, relative */ \
     X(T, NUMBER, chi_square_scale, chi_square_scale, ANY, 0, 0, 0, SYM_NONE, FIXED(0)) /* factor on the detection threshold of chi-square, from data of a truth model */ \
     X(T, NUMBER, outlier_scale, outlier_scale, ANY, 0, 0, 0, SYM_NONE, FIXED(0)) /* the same on the square of the largest leave-one-out residual */ \
+    X(T, VALUES_4, largest_step, largest_step, POSITIVE, 1, 0, 0, SYM_NONE, FIXED(4)) /* largest change of M [1], u, w [rad] and ln p_inf in one iteration */ \
+    X(T, WHOLE, start_iterations, start_iterations, ANY, 0, 2, 1000, SYM_NONE, FIXED(0)) /* iterations of every state of the search, an even number */ \
+    X(T, WHOLE, cold_iterations, cold_iterations, ANY, 0, 0, 1000, SYM_NONE, FIXED(0)) /* iterations of the best of them from there */ \
+    X(T, WHOLE, warm_iterations, warm_iterations, ANY, 0, 0, 1000, SYM_NONE, FIXED(0)) /* iterations of a step that goes on, from the state of the last one */ \
+    X(T, WHOLE, search_every, search_every, ANY, 0, 0, 1e+06, SYM_NONE, FIXED(0)) /* steps from one search of the tables */ \
+    X(T, WHOLE, return_after, return_after, ANY, 0, 0, 1e+06, SYM_NONE, FIXED(0)) /* steps in a row that must fit the tables before their loads follow the linear map's again */ \
+    X(T, VALUES_3, navigation_limit, navigation_limit, ANY, 1, 0, 0, SYM_NONE, FIXED(3)) /* standardised residuals above which navigation is dropped */ \
+    X(T, NUMBER, navigation_alarm, navigation_alarm, ANY, 0, 0, 0, SYM_NONE, FIXED(0)) /* standardised residual from which navigation that is dropped is an alarm */ \
+    X(T, NUMBER, range_tolerance, range_tolerance, ANY, 0, 0, 0, SYM_NONE, FIXED(0)) /* relative excess of a range that does not count */ \
+    X(T, NUMBER, min_gain, min_gain, ANY, 0, 0, 0, SYM_NONE, FIXED(0)) /* part of the prior's standard deviation above which strain and navigation have not identified a quantity */ \
+    X(T, NUMBER, min_incidence_score, min_incidence_score, ANY, 0, 0, 0, SYM_NONE, FIXED(0)) /* from which the wind has a roll angle */ \
     X(T, VALUES_2, log_pressure_range, log_pressure_range, INCREASING, 1, 0, 0, SYM_NONE, FIXED(2)) /* ln(p_inf / Pa) */ \
     X(T, NUMBER, middle_log_pressure, middle_log_pressure, ANY, 0, 0, 0, SYM_NONE, FIXED(0)) /* the same */ \
     X(T, WHOLE, has_crossflow_range, has_crossflow_range, ANY, 0, 0, 1, SYM_NONE, FIXED(0)) /* 1, or 0 */ \
     X(T, VALUES_2, crossflow_middle, crossflow_middle, ANY, 1, 0, 0, SYM_NONE, FIXED(2)) /* of the ranges of u and w [rad] */ \
     X(T, VALUES_2, crossflow_half, crossflow_half, POSITIVE, 1, 0, 0, SYM_NONE, FIXED(2)) /* half widths of these [rad] */ \
     X(T, NUMBER, outside_score, outside_score, ANY, 0, 0, 0, SYM_NONE, FIXED(0)) /* of the flight state from which it is outside */ \
-    X(T, NUMBER, range_tolerance, range_tolerance, ANY, 0, 0, 0, SYM_NONE, FIXED(0)) /* part of a range by which it may be left */ \
     X(T, VALUES_3, navigation_error, navigation_error, ANY, 1, 0, 0, SYM_NONE, FIXED(3)) /* of navigation without a standard deviation */ \
     X(T, VALUES_4, prior_mean, prior_mean, ANY, 1, 0, 0, SYM_NONE, FIXED(4)) /* of the flight state where nothing is known */ \
     X(T, VALUES_4, prior_precision, prior_precision, POSITIVE, 1, 0, 0, SYM_NONE, FIXED(4)) /* its inverse variance */ \
-    X(T, VALUES_3, navigation_limit, navigation_limit, ANY, 1, 0, 0, SYM_NONE, FIXED(3)) /* standardised residuals above which navigation is inconsistent */ \
-    X(T, NUMBER, navigation_alarm, navigation_alarm, ANY, 0, 0, 0, SYM_NONE, FIXED(0)) /* from which an input that is dropped is an alarm */ \
     X(T, NUMBER, half_gamma, half_gamma, ANY, 0, 0, 0, SYM_NONE, FIXED(0)) /* q = half_gamma M^2 p */ \
     X(T, NUMBER, log_half_gamma, log_half_gamma, ANY, 0, 0, 0, SYM_NONE, FIXED(0)) /* its logarithm */ \
-    X(T, VALUES_4, largest_step, largest_step, POSITIVE, 1, 0, 0, SYM_NONE, FIXED(4)) /* of an iteration */ \
-    X(T, NUMBER, min_gain, min_gain, ANY, 0, 0, 0, SYM_NONE, FIXED(0)) /* of an iteration that goes on */ \
-    X(T, NUMBER, min_incidence_score, min_incidence_score, ANY, 0, 0, 0, SYM_NONE, FIXED(0)) /* from which the wind has a roll angle */ \
-    X(T, WHOLE, search_every, search_every, ANY, 0, 0, 1e+06, SYM_NONE, FIXED(0)) /* steps */ \
-    X(T, WHOLE, return_after, return_after, ANY, 0, 0, 1e+06, SYM_NONE, FIXED(0)) /* steps */ \
-    X(T, WHOLE, start_iterations, start_iterations, ANY, 0, 2, 1000, SYM_NONE, FIXED(0)) /* an even number */ \
-    X(T, WHOLE, cold_iterations, cold_iterations, ANY, 0, 0, 1000, SYM_NONE, FIXED(0)) /* after a search */ \
-    X(T, WHOLE, warm_iterations, warm_iterations, ANY, 0, 0, 1000, SYM_NONE, FIXED(0)) /* of a step that goes on */ \
     X(T, NUMBER, shape_limit, shape_limit, ANY, 0, 0, 0, SYM_NONE, FIXED(0)) /* sum of squares of discrepancy modes from which strain does not fit */ \
     X(T, NUMBER, outlier_threshold, outlier_threshold, ANY, 0, 0, 0, SYM_NONE, FIXED(0)) /* of the largest leave-one-out residual */ \
     X(T, ARRAY, chi_square_limit, chi_square_limit, ANY, 1, 0, 0, SYM_NONE, AXIS(GAUGES, 1, 4)) /* by degrees of freedom from 0 on */ \
@@ -243,22 +243,22 @@ enum {
     X(T, ARRAY, parameter, parameter, ANY, 1, 0, 0, SYM_NONE, AXIS(POWERS, 1, 0)) /* parameter of each power, ascending */ \
     X(T, ARRAY, power, power, ANY, 1, 0, 0, SYM_NONE, AXIS(POWERS, 1, 0)) /* exponent of each power, 1 to 3 */ \
     X(T, ARRAY, offset, offset, ANY, 1, 0, 0, SYM_NONE, AXIS(POWERS, 1, 0)) /* mean of each power over the snapshots */ \
-    X(T, NUMBER, largest_score, largest_score, BETWEEN, 0, 0, DBL_MAX, SYM_NONE, FIXED(0)) /* of a parameter's range by which it may leave it and still be used */ \
+    X(T, NUMBER, largest_score, largest_score, BETWEEN, 0, 0, DBL_MAX, SYM_NONE, FIXED(0)) /* part of its range by which a flow parameter may leave it and still be used */ \
     X(T, ARRAY, basis, basis, ANY, 4, 0, 0, SYM_NONE, AXIS(BASIS, 1, 0), AXIS(INCIDENCE, 1, 2), AXIS(HARMONICS, 1, 0), FIXED(2)) /* tables, orthonormal, whose sums by */ \
     X(T, ARRAY, row_weight, row_weight, ANY, 4, 0, 0, SYM_NONE, AXIS(MACH, 1, 2), AXIS(POWERS, 1, 0), AXIS(ROWS, 1, 0), AXIS(BASIS, 1, 0)) /* are of a unit of a power, per p_inf [1/Pa, m2, m3] */
 
 #define TARE(X, T) \
     X(T, LENGTH, n_patterns, pattern, ANY, 0, 0, 0, SYM_PATTERNS, FIXED(1), AXIS(STRAINS, 1, 0)) \
     X(T, ARRAY, noise_std, noise_std, POSITIVE, 1, 0, 0, SYM_NONE, AXIS(STRAINS, 1, 0)) /* sigma, standard deviation of the noise of each gauge [m/m] */ \
-    X(T, NUMBER, dynamic_pressure, dynamic_pressure, BETWEEN, 0, 0, DBL_MAX, SYM_NONE, FIXED(0)) /* largest at rest [Pa] */ \
-    X(T, NUMBER, zero, zero, BETWEEN, 0, 0, DBL_MAX, SYM_NONE, FIXED(0)) /* largest zero offset [m/m] */ \
-    X(T, NUMBER, drift, drift, BETWEEN, 0, 0, DBL_MAX, SYM_NONE, FIXED(0)) /* largest over the window [m/m] */ \
-    X(T, NUMBER, least_samples, least_samples, BETWEEN, 0, 64, DBL_MAX, SYM_NONE, FIXED(0)) /* of a window */ \
-    X(T, NUMBER, least_part, least_part, BETWEEN, 0, 0, DBL_MAX, SYM_NONE, FIXED(0)) /* of the samples that a gauge must read */ \
+    X(T, NUMBER, least_samples, least_samples, BETWEEN, 0, 64, DBL_MAX, SYM_NONE, FIXED(0)) /* readings that a window of a tare must hold */ \
+    X(T, NUMBER, least_part, least_part, BETWEEN, 0, 0, DBL_MAX, SYM_NONE, FIXED(0)) /* part of a window in which a gauge must read */ \
     X(T, NUMBER, least_gauges, least_gauges, BETWEEN, 0, 0, DBL_MAX, SYM_NONE, FIXED(0)) /* part of the gauges that must have a zero */ \
     X(T, NUMBER, own_factor, own_factor, BETWEEN, 0, 0, DBL_MAX, SYM_NONE, FIXED(0)) /* of the scatter of a gauge by its own noise */ \
     X(T, NUMBER, moved, moved, BETWEEN, 0, 0, DBL_MAX, SYM_NONE, FIXED(0)) /* factor on the scatter from which gauges move */ \
-    X(T, NUMBER, loud, loud, BETWEEN, 0, 0, DBL_MAX, SYM_NONE, FIXED(0)) /* factor on the scatter from which a gauge is loud */ \
+    X(T, NUMBER, loud, loud, BETWEEN, 0, 0, DBL_MAX, SYM_NONE, FIXED(0)) /* factor on the map's noise from which the scatter of a gauge is loud */ \
+    X(T, NUMBER, dynamic_pressure, dynamic_pressure, BETWEEN, 0, 0, DBL_MAX, SYM_NONE, FIXED(0)) /* largest |q_inf| at which air does not load the vehicle [Pa] */ \
+    X(T, NUMBER, zero, zero, BETWEEN, 0, 0, DBL_MAX, SYM_NONE, FIXED(0)) /* largest plausible |zero| [m/m] */ \
+    X(T, NUMBER, drift, drift, BETWEEN, 0, 0, DBL_MAX, SYM_NONE, FIXED(0)) /* largest rise of a gauge over the window [m/m] */ \
     X(T, ARRAY, known_strain, known_strain, ANY, 1, 0, 0, SYM_NONE, AXIS(STRAINS, 1, 0)) /* of the loads that act meanwhile [m/m] */ \
     X(T, ARRAY, known_std, known_std, FROM_0, 1, 0, 0, SYM_NONE, AXIS(STRAINS, 1, 0)) /* its standard deviation [m/m] */ \
     X(T, ARRAY, pattern, pattern, ANY, 2, 0, 0, SYM_NONE, AXIS(PATTERNS, 1, 0), AXIS(STRAINS, 1, 0)) /* orthonormal strains of flights */ \
