@@ -20,7 +20,7 @@ from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.atmosphere import dynamic_pressure
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.map.validity import CONDITION_UNITS, RECORDED_KEYS, TOTAL_INCIDENCE
+from strainfmu.estimator.valid_ranges import CONDITION_UNITS, RECORDED_KEYS, TOTAL_INCIDENCE
 from strainfmu.flight_condition import FlightCondition
 
 ROLL_ANGLES = 24

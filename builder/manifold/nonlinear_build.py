@@ -144,7 +144,7 @@ def winds_read_alike(manifold: ManifoldMap) -> tuple[float, float] | None:
 
     They are those that it has farthest apart, None where there are none.
     """
-    n_d = manifold.tables.n_gauges
+    n_d = manifold.n_gauges
     roll = 2.0 * np.pi * np.arange(ROLLS) / ROLLS
     middle, half = manifold.crossflow
     state = np.zeros((ROLLS, N_STATES))

@@ -29,8 +29,8 @@ from strainfmu.arrays import BoolArray, IntArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE, MACH_NUMBER, STATIC_PRESSURE
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, PER_PRESSURE, InverseMap
-from strainfmu.estimator.map.validity import TOTAL_INCIDENCE
 from strainfmu.estimator.other_loads import FIVE_LOADS
+from strainfmu.estimator.valid_ranges import TOTAL_INCIDENCE
 from strainfmu.flight_condition import FlightCondition
 
 MOST_UNDETECTED = 0.03

@@ -74,8 +74,8 @@ from builder.workspace import Cache, Misfit, Workspace, refuse_misfits
 from strainfmu.errors import InputError
 from strainfmu.estimator.map import inverse_map as inverse_map_file
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map
-from strainfmu.estimator.map.validity import RECORDED_KEYS
 from strainfmu.estimator.signal_names import TEMPERATURE
+from strainfmu.estimator.valid_ranges import RECORDED_KEYS
 from strainfmu.files import content_hash_of, write_bytes_atomically
 from strainfmu.flight_condition import ALTITUDE, CONDITION_QUANTITIES, FlightCondition
 

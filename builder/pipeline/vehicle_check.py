@@ -32,11 +32,7 @@ from builder.vehicle.toml.reading import named
 from strainfmu.cosim.models.trajectory import Trajectory
 from strainfmu.errors import FaultsError, InputError
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
-from strainfmu.estimator.map.validity import (
-    RECORDED_KEYS,
-    valid_conditions,
-    valid_parameters,
-)
+from strainfmu.estimator.valid_ranges import RECORDED_KEYS, valid_conditions, valid_parameters
 from strainfmu.flight_condition import ALTITUDE, FlightCondition
 
 T = TypeVar("T")

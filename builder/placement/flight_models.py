@@ -291,7 +291,6 @@ def _nonlinear(parts: FlightParts, triangle: FloatArray) -> list[_State]:
         incidence_knots=fitted.incidence_knots,
         response=fitted.coefficients,
         fixed_response=fixed,
-        n_loads=len(parts.loads),
     )
     terms_off = [columns for name, columns in terms.items() if name != "internal pressure"]
     error, states = np.hstack([*terms_off, nothing]), flight_states(parts)

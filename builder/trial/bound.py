@@ -56,7 +56,7 @@ def cramer_rao_bound(
         return None
     state = flight_states(conditions)
     scale = inverse_map.sensors.scale
-    strain = scale * evaluate(manifold.tables, state).value[:, : manifold.tables.n_gauges]
+    strain = scale * evaluate(manifold.tables, state).value[:, : manifold.n_gauges]
     strain += inverse_map.zero_offset  # which the estimator subtracts
     air: dict[str, Any] = {DYNAMIC_PRESSURE: np.nan, "q_source": QSource.INDEPENDENT}
     air |= {name: quantities(conditions, name) for name in known}

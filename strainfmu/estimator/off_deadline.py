@@ -37,7 +37,7 @@ from strainfmu.estimator.gauge_zeros import GaugeZeros
 from strainfmu.estimator.map.flight_tables import LOG_PRESSURE, MACH, MIN_INCIDENCE, Response, U, W, evaluate
 from strainfmu.estimator.map.inverse_map import InverseMap, with_gauge_covariance
 from strainfmu.estimator.map.nonlinear_map import FlightField, ManifoldMap, ShapeField, with_known
-from strainfmu.estimator.map.sensors import LARGEST_CHANNEL, InertiaMap, ThermalMap
+from strainfmu.estimator.map.sensors import InertiaMap, ThermalMap
 from strainfmu.estimator.numerics import local_basis
 from strainfmu.estimator.other_loads import FIVE_LOADS, OTHER_LOADS
 from strainfmu.estimator.policies import POLICIES
@@ -173,7 +173,7 @@ def readings_of_modes(
         return temperature, known
     channels = channels_of(inertial)
     read = np.hstack([temperature, thermal.reference_temperature + channels])
-    return read, np.hstack([known, np.abs(channels) <= LARGEST_CHANNEL])
+    return read, np.hstack([known, np.abs(channels) <= POLICIES.largest_channel])
 
 
 def vibration_ratio(inertia: InertiaMap | None, vibration: FloatArray) -> FloatArray:

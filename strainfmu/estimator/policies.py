@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass
+from math import log
 
 import numpy as np
 
 from strainfmu.arrays import FloatArray
+from strainfmu.atmosphere import HEAT_CAPACITY_RATIO
 from strainfmu.estimator.air_inputs import NAVIGATION
+from strainfmu.estimator.gauge_zeros import LARGEST_ZERO
 from strainfmu.estimator.health import AMBIGUOUS_CORRELATION, FALSE_ALARM_PROBABILITY, outlier_threshold
+from strainfmu.estimator.map.flight_tables import MIN_INCIDENCE
 from strainfmu.estimator.map.schema import POSITIVE, MapRecord, entry
 from strainfmu.estimator.map.validity import PARAMETER_TOLERANCE
+from strainfmu.estimator.settings import LARGEST_SETTING, SMALLEST_SETTING
+from strainfmu.estimator.signal_names import NOT_KNOWN
 
 FALSE_ALARMS = (1e-2, 1e-2, 1e-6)
 """Rates at which correct values of :data:`~strainfmu.estimator.air_inputs.NAVIGATION` are left out. M and p_inf:
@@ -33,6 +40,28 @@ class Policies(MapRecord, where="policies"):
 
     ambiguous_correlation: float = entry(meaning="above which gauges cannot be distinguished",
         default=AMBIGUOUS_CORRELATION, place="linear.ambiguous_correlation")
+
+    # Settings, and values that mean nothing.
+    smallest_setting: float = entry(meaning="bounds of settings", default=SMALLEST_SETTING,
+        place="settings.smallest", low=sys.float_info.min, high=1.0, member="smallest_setting")
+    largest_setting: float = entry(meaning="the same", default=LARGEST_SETTING, place="settings.largest", low=1.0,
+        member="largest_setting")
+    largest_zero: float = entry(meaning="of zero offsets and their standard deviations", default=LARGEST_ZERO,
+        place="settings.largest_zero", low=0.0)
+    not_known: float = entry(
+        meaning="start value of flow parameters, and a value of thrust, that means what NaN does",
+        default=NOT_KNOWN, place="settings.not_known")
+
+    # The flow: q = half_gamma M^2 p.
+    half_gamma: float = entry(meaning="q = half_gamma M^2 p(h)", default=0.5 * HEAT_CAPACITY_RATIO,
+        place="envelope.half_gamma")
+    flight_half_gamma: float = entry(meaning="q = half_gamma M^2 p", default=0.5 * HEAT_CAPACITY_RATIO,
+        place="flight.half_gamma")
+    log_half_gamma: float = entry(meaning="its logarithm", default=log(0.5 * HEAT_CAPACITY_RATIO),
+        place="flight.log_half_gamma")
+    min_incidence: float = entry(unit="rad",
+        meaning="rounds the cone of total angle of attack off at its tip", default=MIN_INCIDENCE,
+        place="flight.min_incidence", rule=POSITIVE)
 
     # Iterations of the flight state.
     largest_step: FloatArray = entry("4", "", "largest change of M [1], u, w [rad] and ln p_inf in one iteration",
@@ -74,6 +103,8 @@ class Policies(MapRecord, where="policies"):
     largest_rise: float = entry(unit="K",
         meaning="|rise| above the reference beyond which a sensor of temperature is taken to be broken",
         default=2000.0, place="thermal.largest_rise", rule=POSITIVE)
+    largest_channel: float = entry(unit="m/s2, rad/s2, rad2/s2",
+        meaning="|channel| beyond which an inertial unit is taken to be broken", default=1e6)
 
     # Ranges of the map, and what counts as identified. A parameter is OUTSIDE much earlier than it is not used;
     # cubes of what is far off are no numbers.

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from zipfile import BadZipFile, ZipFile
 
 from strainfmu.estimator.map.inverse_map import groups_of_outputs
-from strainfmu.estimator.map.validity import all_ranges
+from strainfmu.estimator.valid_ranges import all_ranges
 from strainfmu.interface.estimator_variables import estimator_arrays, estimator_interface
 from strainfmu.interface.fmi_variables import Variable
 from strainfmu.interface.sensor_variables import sensor_names

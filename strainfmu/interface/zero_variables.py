@@ -69,11 +69,11 @@ def with_tare_variables(interface: Sequence[Variable], gauge_names: Sequence[str
 
     A step or an event takes the flag in; until then no output depends on it.
     """
-    limit = TareLimits().dynamic_pressure
+    limit, fewest = TareLimits().dynamic_pressure, POLICIES.least_samples
     asked = Variable(
         name=TARE,
         description="Strains are averaged while true, and become the zeros in the first step after it; refused "
-        f"with fewer than {POLICIES.least_samples} steps, or unless dynamic_pressure is known and at most {limit:g} Pa",
+        f"with fewer than {fewest} steps, or unless dynamic_pressure is known and at most {limit:g} Pa",
         causality="input",
         kind="parameter",
         variability="discrete",

@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 from strainfmu.can.quality import Quality, all_words
 from strainfmu.estimator.air_inputs import AIR_INPUTS, DYNAMIC_PRESSURE
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
-from strainfmu.estimator.map.validity import VALIDITY_LABELS
 from strainfmu.estimator.signal_names import COEFFICIENT_ARRAY
+from strainfmu.estimator.valid_ranges import VALIDITY_LABELS
 from strainfmu.interface.estimator_variables import LOADS
 from strainfmu.interface.fmi_variables import COEFFICIENTS, unit_shown
 from strainfmu.interface.input_names import FLOW_KEYS

@@ -40,9 +40,10 @@ from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import USABLE_STATES, HealthState, chi_square_limit
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map
-from strainfmu.estimator.map.sensors import LARGEST_CHANNEL, InertiaMap
+from strainfmu.estimator.map.sensors import InertiaMap
 from strainfmu.estimator.map.validity import PARAMETER_TOLERANCE
 from strainfmu.estimator.other_loads import SIGMA, LoadArray, load_arrays
+from strainfmu.estimator.policies import POLICIES
 from strainfmu.estimator.settings import default_settings
 from strainfmu.estimator.signal_names import COEFFICIENT_ARRAY, FILTER_TIME_CONSTANT, NOT_KNOWN
 from strainfmu.interface.health_names import (
@@ -314,7 +315,7 @@ def contradicted_forces(
     mass, contradicts = inertia.vehicle_mass, {}
     for (name, place), std in zip(LATERAL_FORCES.items(), inertia.sensor_std[1:3], strict=True):
         read = inertial[name]
-        expected, force = mass * np.where(np.abs(read) <= LARGEST_CHANNEL, read, np.nan), loads[:, place]
+        expected, force = mass * np.where(np.abs(read) <= POLICIES.largest_channel, read, np.nan), loads[:, place]
         off = np.abs(force - expected)
         is_large = off > OTHER_FORCES * np.maximum(np.abs(force), np.abs(expected))
         is_certain = off**2 > limit * ((mass * std) ** 2 + loads_std[:, place] ** 2)

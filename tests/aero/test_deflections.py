@@ -36,7 +36,7 @@ from builder.structure.solid.mesh_files import read_mesh
 from builder.vehicle.file import VEHICLES, Vehicle, load_vehicle
 from builder.vehicle.flight_conditions import ConditionSet
 from strainfmu.errors import FlowReachError, InputError
-from strainfmu.estimator.map.validity import valid_ranges
+from strainfmu.estimator.valid_ranges import valid_ranges
 from strainfmu.flight_condition import FlightCondition
 from tests.aero.triangulated_shapes import box
 

@@ -7,12 +7,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from random_map import nothing_of
 from scaled_maps import NOMINAL, scaled_map
 
 from strainfmu.atmosphere import dynamic_pressure
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.map.inverse_map import InverseMap, nothing_of
+from strainfmu.estimator.map.inverse_map import InverseMap
 
 pytestmark = pytest.mark.fast
 

@@ -21,7 +21,7 @@ Known = tuple[bool, bool, bool]
 
 
 def estimator_of(manifold: ManifoldMap) -> Estimator:
-    return Estimator(replace(scaled_map(2, 1, manifold.tables.n_gauges), manifold=manifold))
+    return Estimator(replace(scaled_map(2, 1, manifold.n_gauges), manifold=manifold))
 
 
 def flights(k: int, seed: int) -> np.ndarray:

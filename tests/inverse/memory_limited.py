@@ -15,6 +15,7 @@ from time import perf_counter
 
 import numpy as np
 from ensembles import listed_ensemble
+from random_map import nothing_of
 
 from builder.aero.surface.mesh import mesh_of_grid
 from builder.campaign.snapshots import Snapshots
@@ -27,7 +28,7 @@ from builder.vehicle.gauges.layout import GaugeLayout
 from builder.vehicle.map_options import MapEntry, Noise
 from builder.vehicle.shape.geometry import surface_grid
 from builder.vehicle.shape.shape_entries import ReferenceQuantities
-from strainfmu.estimator.map.inverse_map import nothing_of, save_inverse_map
+from strainfmu.estimator.map.inverse_map import save_inverse_map
 
 GIB = 2**30
 

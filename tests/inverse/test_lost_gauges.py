@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from pydantic import BaseModel
+from random_map import nothing_of
 from scipy.stats import binom, chi2
 
 from builder.campaign.snapshots import Snapshots
@@ -26,7 +27,7 @@ from builder.vehicle.gauges.layout import GaugeLayout
 from builder.vehicle.map_options import MapEntry
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, HealthState, outlier_threshold
-from strainfmu.estimator.map.inverse_map import InverseMap, nothing_of
+from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.reference.gain import load_covariance, load_gain, residual_precision
 
 N_GAUGES = 54

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 from ogive import OGIVE
+from random_map import nothing_of
 
 from builder.aero.engines.registry import make_engine
 from builder.campaign.campaign_run import snapshots_of_flows, vehicle_campaign
@@ -20,7 +21,7 @@ from builder.structure.fourier.fourier_model import StructuralModel, structural_
 from builder.vehicle.file import Vehicle, load_vehicle
 from builder.vehicle.map_needs import used_layouts
 from builder.vehicle.map_options import MapEntry
-from strainfmu.estimator.map.inverse_map import InverseMap, nothing_of
+from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.linear.state_map import StateMap, gaussian_map, least_squares_map
 
 NEWTONIAN = '[aerodynamics]\nengine = "newtonian"\nleeward = "prandtl_meyer"\n'

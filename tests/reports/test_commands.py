@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from page_checks import assert_self_contained
+from random_map import nothing_of
 from report_case import ReportCase, ogive_with
 from rich.console import Console
 from scipy.stats import norm
@@ -26,9 +27,9 @@ from builder.structure.fourier.fourier_model import StructuralModel
 from builder.vehicle.file import Vehicle
 from strainfmu.cli.inspection.files import inspect_artefact
 from strainfmu.cli.inspection.inverse_map import detectable_bias, hessian_eigenvalues
-from strainfmu.estimator.map.inverse_map import load_inverse_map, nothing_of, save_inverse_map
-from strainfmu.estimator.map.validity import ValidRange, valid_ranges
+from strainfmu.estimator.map.inverse_map import load_inverse_map, save_inverse_map
 from strainfmu.estimator.reference.gain import load_covariance
+from strainfmu.estimator.valid_ranges import ValidRange, valid_ranges
 
 Parts = tuple[Vehicle, Snapshots, StructuralModel]
 Run = Callable[..., tuple[int, str, str]]

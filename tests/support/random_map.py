@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy.linalg import cho_solve, cholesky, solve_triangular
@@ -168,3 +169,8 @@ def missing(n_gauges: int, *gauges: int) -> np.ndarray:
     mask = np.zeros(n_gauges, dtype=bool)
     mask[list(gauges)] = True
     return mask
+
+
+def nothing_of(*names: str) -> dict[str, Any]:
+    """Return changes of a map, for :func:`dataclasses.replace`, that leave its fields ``names`` out."""
+    return dict.fromkeys(names)

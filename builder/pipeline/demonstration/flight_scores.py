@@ -41,7 +41,7 @@ from strainfmu.estimator.air_inputs import ALTITUDE, DYNAMIC_PRESSURE, MACH_NUMB
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
-from strainfmu.estimator.map.validity import TOTAL_INCIDENCE
+from strainfmu.estimator.valid_ranges import TOTAL_INCIDENCE
 from strainfmu.flight_condition import FlightCondition
 from strainfmu.interface.sensor_variables import reading_names
 

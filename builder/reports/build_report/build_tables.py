@@ -20,8 +20,8 @@ from builder.structure.observability import SYMMETRIES, direction_names
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, LOAD_NAMES, LOAD_UNITS
 from strainfmu.estimator.map.sensors import shown_units
-from strainfmu.estimator.map.validity import valid_ranges
 from strainfmu.estimator.signal_names import COEFFICIENT_ARRAY
+from strainfmu.estimator.valid_ranges import valid_ranges
 
 MICRO = SCALES["um/m"]
 MICROSTRAIN_PER_KPA = 1e9

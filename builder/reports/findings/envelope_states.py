@@ -89,7 +89,7 @@ def envelope(manifold: ManifoldMap, machs: int = MACHS, incidences: int = INCIDE
 
 def strain_at(manifold: ManifoldMap, state: FloatArray) -> FloatArray:
     """Return the strain (k, n_d) of the tables at ``state`` (k, 4)."""
-    return np.asarray(evaluate(manifold.tables, state).value[:, : manifold.tables.n_gauges])
+    return np.asarray(evaluate(manifold.tables, state).value[:, : manifold.n_gauges])
 
 
 def air_data_at(state: FloatArray, navigation: str) -> FloatArray:

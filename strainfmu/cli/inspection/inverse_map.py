@@ -30,11 +30,11 @@ from strainfmu.estimator.map.inverse_map import (
 )
 from strainfmu.estimator.map.schema import Entry, entries, left_out
 from strainfmu.estimator.map.sensors import CHANNELS, InertiaMap, ThermalMap, shown_units
-from strainfmu.estimator.map.validity import RECORDED_KEYS, valid_ranges
 from strainfmu.estimator.other_loads import FIVE_LOADS
 from strainfmu.estimator.policies import POLICIES
 from strainfmu.estimator.reference.gain import load_covariance, residual_precision
 from strainfmu.estimator.reference.readings import amplitudes
+from strainfmu.estimator.valid_ranges import RECORDED_KEYS, valid_ranges
 from strainfmu.files import content_hash_of
 
 MICRO = 1e6

@@ -36,12 +36,6 @@ class FlightTables:
     incidence_knots: FloatArray
     response: FloatArray
     fixed_response: FloatArray
-    n_loads: int = 5
-
-    @property
-    def n_gauges(self) -> int:
-        """Number of gauges n_d."""
-        return int(self.response.shape[2]) - self.n_loads
 
     @cached_property
     def by_harmonic(self) -> FloatArray:

@@ -61,13 +61,13 @@ from strainfmu.estimator.map.sensors import (
     strain_rows,
     with_inertia,
 )
-from strainfmu.estimator.map.validity import valid_ranges
 from strainfmu.estimator.notebook import html_table
 from strainfmu.estimator.numerics import product, row_squares
 from strainfmu.estimator.other_loads import FIVE_LOADS, LoadGroup, is_moment, load_groups, number_of
 from strainfmu.estimator.signal_names import COEFFICIENT_NAMES as COEFFICIENT_NAMES
 from strainfmu.estimator.signal_names import LOAD_NAMES as LOAD_NAMES
 from strainfmu.estimator.signal_names import LOAD_UNITS as LOAD_UNITS
+from strainfmu.estimator.valid_ranges import valid_ranges
 from strainfmu.files import build_time
 from strainfmu.records import load_record, save_record
 
@@ -419,11 +419,6 @@ def _check_number_of_loads(inverse_map: InverseMap) -> None:
         counts = ", ".join(f"{size} {family.singular}s" for family, size in sizes.items())
         words = f"{allowed} for {counts}" if sizes else f"{FIVE_LOADS.stop} or {allowed}"
         raise InputError(f"inverse map: load_of_mean has {n_loads} loads, must be {words}")
-
-
-def nothing_of(*names: str) -> dict[str, Any]:
-    """Return changes of a map, for :func:`dataclasses.replace`, that leave its fields ``names`` out."""
-    return dict.fromkeys(names)
 
 
 def save_inverse_map(inverse_map: InverseMap, path: str | PathLike[str], built: str = "") -> str:

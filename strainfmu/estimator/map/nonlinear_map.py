@@ -300,7 +300,6 @@ class ManifoldMap(MapRecord, where="manifold"):
             incidence_knots=self.incidence_knots,
             response=self.response[:, :, :n],
             fixed_response=self.fixed_response[:n],
-            n_loads=n_loads,
         )
 
     @cached_property

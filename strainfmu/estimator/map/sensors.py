@@ -199,9 +199,6 @@ CHANNELS = ("f_x", "f_y", "f_z", "dw_y/dt", "dw_z/dt", "P_xx", "P_yy", "P_zz", "
 SPECIFIC_FORCE = slice(0, 3)
 """Place of the specific force among the channels; own weight on the ground acts by it alone."""
 
-LARGEST_CHANNEL = 1e6
-"""Size of a channel beyond which the unit is taken to be broken."""
-
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class InertiaMap(MapRecord, where="inertia"):

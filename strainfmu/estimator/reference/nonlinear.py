@@ -254,12 +254,9 @@ class NonlinearReference:
         """
         solution = self.solved(sample, start)
         z = solution.air_standardised
-        worst = int(np.argmax(np.abs(z) / POLICIES.navigation_limit))
-        air = (
-            without(sample.air, z, worst)
-            if abs(z[worst]) > POLICIES.navigation_limit[worst]
-            else doubted(sample.air, z)
-        )
+        limit = POLICIES.navigation_limit
+        worst = int(np.argmax(np.abs(z) / limit))
+        air = without(sample.air, z, worst) if abs(z[worst]) > limit[worst] else doubted(sample.air, z)
         return solution if air is None else self.solved(replace(sample, air=air), start)
 
     def solved(self, sample: Sample, start: FloatArray | None = None) -> NonlinearEstimate:

@@ -14,29 +14,37 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import log
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from strainfmu.arrays import FloatArray
-from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, layer_table
+from strainfmu.atmosphere import layer_table
 from strainfmu.estimator import health, settings, tare
 from strainfmu.estimator.air_inputs import ALTITUDE, DYNAMIC_PRESSURE, MACH_NUMBER, NAVIGATION
-from strainfmu.estimator.gauge_zeros import LARGEST_ZERO
 from strainfmu.estimator.map import validity
-from strainfmu.estimator.map.flight_tables import MIN_INCIDENCE
 from strainfmu.estimator.map.inverse_map import InverseMap, groups_of_outputs, has_filter
 from strainfmu.estimator.map.nonlinear_map import ManifoldMap, Powers
-from strainfmu.estimator.map.schema import BOUNDS, FROM_0, INCREASING, POSITIVE, Entry, entries, stored_value
+from strainfmu.estimator.map.schema import (
+    BOUNDS,
+    FROM_0,
+    INCREASING,
+    POSITIVE,
+    Entry,
+    MapRecord,
+    entries,
+    entry,
+    stored_value,
+)
 from strainfmu.estimator.map.sensors import CHANNELS, InertiaMap, SensorRows, ThermalMap
 from strainfmu.estimator.numerics import arrow_triangle, householder, product
 from strainfmu.estimator.other_loads import FIVE_LOADS, OTHER_LOADS, load_arrays
 from strainfmu.estimator.policies import POLICIES, Policies
 from strainfmu.estimator.resource.compact_tables import ChannelTables, channel_tables, error_products, factors
-from strainfmu.estimator.signal_names import NOT_KNOWN, STRAIN, TARE
+from strainfmu.estimator.signal_names import STRAIN, TARE
 from strainfmu.resource_file import container, texts, with_header
 
 MAGIC = b"SFMUMAP\0"
@@ -47,12 +55,18 @@ PARAMETER_NAME_SIZE = OUTPUT_NAME_SIZE = 48
 """Bytes of the guid, of the name of a parameter, of an array of outputs; with a final zero."""
 
 
-class Spread(NamedTuple):
-    """What has a prior, as columns: (n_d, n_d) strain, (n_d, n_f) loads; (n_f, n_f) what no column has."""
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class Spread(MapRecord, where="spread"):
+    """What has a prior, as columns."""
 
-    strain: FloatArray
-    load: FloatArray
-    unseen: FloatArray
+    # fmt: off
+    strain: FloatArray = entry("n_d n_d", "m/m", "N of what has a prior, N N' the sum over its columns",
+        place="scaled.spread")
+    load: FloatArray = entry("n_d n_f", "N, N.m", "loads of its columns", place="scaled.spread_load",
+        stored="n_d 5")
+    unseen: FloatArray = entry("n_f n_f", "", "what those columns do not hold", place="scaled.spread_unseen",
+        stored="5 5")
+    # fmt: on
 
 
 class Source:
@@ -196,17 +210,11 @@ DERIVED: tuple[Entry, ...] = (
         rule=POSITIVE),
     Entry("linear.outlier_threshold", "by the number of gauges from 1 on",
         lambda s: [_outlier_threshold(n) for n in range(1, s.map.n_gauges + 1)], "n_gauges", rule=POSITIVE),
-    Entry("settings.smallest", "bounds of settings", settings.SMALLEST_SETTING,
-        low=sys.float_info.min, high=1.0, member="smallest_setting"),
-    Entry("settings.largest", "the same", settings.LARGEST_SETTING, low=1.0, member="largest_setting"),
     Entry("settings.reference_area", "what the map was built with", lambda s: s.settings.reference_area,
         unit="m2"),
     Entry("settings.reference_length", "the same", lambda s: s.settings.reference_length, unit="m"),
     Entry("settings.moment_station", "the same", lambda s: s.settings.moment_station, unit="m"),
     Entry("settings.sensor_range", "start value", lambda s: s.settings.sensor_range),
-    Entry("settings.largest_zero", "of zero offsets and their standard deviations", LARGEST_ZERO, low=0.0),
-    Entry("settings.not_known",
-        "start value of flow parameters, and a value of thrust, that means what NaN does", NOT_KNOWN),
     Entry(f"envelope.{DYNAMIC_PRESSURE}", "smallest and largest, may be infinite",
         lambda s: _bounds(s.map.dynamic_pressure_range), "2", unit="Pa", rule=BOUNDS, kind="values"),
     Entry(f"envelope.{MACH_NUMBER}", "the same",
@@ -214,7 +222,6 @@ DERIVED: tuple[Entry, ...] = (
         rule=BOUNDS, kind="values"),
     Entry(f"envelope.{ALTITUDE}", "the same", lambda s: _bounds(s.map.altitude_range), "2", unit="m", rule=BOUNDS,
         kind="values"),
-    Entry("envelope.half_gamma", "q = half_gamma M^2 p(h)", 0.5 * HEAT_CAPACITY_RATIO),
     Entry("envelope.layers", "of the atmosphere", layer_table(), "n_layers LAYER_SIZE", unit=""),
     Entry("scaled.follows_pressure", "whether the form is dynamic_pressure", lambda s: s.map.follows_pressure,
         kind="whole", low=0, high=1),
@@ -224,12 +231,6 @@ DERIVED: tuple[Entry, ...] = (
     Entry("scaled.fixed_load", "f_0", lambda s: s.fixed_load[FIVE_LOADS], "5", unit="N, N.m"),
     Entry("scaled.load_of_mean", "f_mean - f_0", lambda s: (s.map.load_of_mean - s.fixed_load)[FIVE_LOADS], "5",
         unit="N, N.m"),
-    Entry("scaled.spread", "N of what has a prior, N N' the sum over its columns", lambda s: s.spread.strain,
-        "n_gauges n_gauges", unit="m/m"),
-    Entry("scaled.spread_load", "loads of its columns", lambda s: s.spread.load[:, FIVE_LOADS], "n_gauges 5",
-        unit="N, N.m"),
-    Entry("scaled.spread_unseen", "what those columns do not hold",
-        lambda s: s.spread.unseen[FIVE_LOADS, FIVE_LOADS], "5 5", unit=""),
     Entry("low_rank.noise_variance", "variances of errors of each gauge alone that do not scale",
         lambda s: s.map.gauge_variance, "n_gauges", unit="(m/m)^2", rule=POSITIVE),
     Entry("low_rank.own_variance", "of those that scale", lambda s: s.map.own_error_strain**2, "n_gauges",
@@ -266,8 +267,6 @@ DERIVED: tuple[Entry, ...] = (
         kind="count", low=1, high=4096, member="n_channels"),
     Entry("inertia.vibrations", "of the modes, the last: of vibration, whose size is an input",
         lambda s: s.map.inertia.vibration_strain.shape[1], kind="count", low=0, high=4096, member="n_vibrations"),
-    Entry("parameters.minimum", "over the snapshots", lambda s: s.parameters.minimum, "n_parameters", unit=""),
-    Entry("parameters.maximum", "the same", lambda s: s.parameters.maximum, "n_parameters", unit=""),
     Entry("parameters.span", "width of the range, at least the size of a value that is fixed",
         lambda s: s.parameters.span, "n_parameters", unit="", rule=POSITIVE),
     Entry("parameters.names", "as in the vehicle file",
@@ -283,8 +282,6 @@ DERIVED: tuple[Entry, ...] = (
         "n_patterns n_strains"),
     Entry(f"{TARE}.load_odds", "threshold of the part along them by the number of gauges",
         lambda s: tare.load_odds(s.map), "n_strains+1"),
-    Entry("flight.min_incidence", "rounds the cone of total angle of attack off at its tip",
-        MIN_INCIDENCE, unit="rad", rule=POSITIVE),
     *_tables("flight"),
     Entry("flight.log_pressure_range", "ln(p_inf / Pa)",
         lambda s: [log(p) for p in s.tables.pressure_range.tolist()], "2", rule=INCREASING, kind="values"),
@@ -304,8 +301,6 @@ DERIVED: tuple[Entry, ...] = (
         lambda s: s.tables.state_prior[0], "4", unit="", kind="values"),
     Entry("flight.prior_precision", "its inverse variance", lambda s: 1.0 / s.tables.state_prior[1]**2, "4",
         unit="", rule=POSITIVE, kind="values"),
-    Entry("flight.half_gamma", "q = half_gamma M^2 p", 0.5 * HEAT_CAPACITY_RATIO),
-    Entry("flight.log_half_gamma", "its logarithm", log(0.5 * HEAT_CAPACITY_RATIO)),
     Entry("flight.shape_limit", "sum of squares of discrepancy modes from which strain does not fit",
         lambda s: s.tables.shape_limit),
     Entry("flight.outlier_threshold", "of the largest leave-one-out residual",
@@ -354,6 +349,8 @@ RECORDS: tuple[tuple[type[Any], Callable[[Source], Any], dict[str, str]], ...] =
         {"n_d": "n_gauges", "n_M": "n_mach", "n_a": "n_incidence", "n_e": "n_common"},
     ),
     (Powers, lambda s: s.tables.parameters.powers, {"n_p": "n_parameters", "J": "n_powers"}),
+    (Spread, lambda s: s.spread, {"n_d": "n_gauges"}),
+    (validity.FlowParameters, lambda s: s.parameters, {"n_p": "n_parameters"}),
     (Policies, lambda s: POLICIES, {}),
     (tare.TareLimits, lambda s: tare.TareLimits(), {}),
 )

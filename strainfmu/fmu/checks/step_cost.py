@@ -22,7 +22,6 @@ from strainfmu.estimator.map.inverse_map import (
     COEFFICIENT_NAMES,
     InverseMap,
     load_inverse_map,
-    nothing_of,
     save_inverse_map,
 )
 from strainfmu.estimator.map.sensors import refuse_sensors
@@ -82,7 +81,7 @@ def step_costs(map_path: Path, time_per_call: Callable[[Callable[[], object]], f
             costs |= _other_costs(linear, Path(folder), "linear")
         if inverse_map.follows_pressure:
             # Weights that do not follow q_inf.
-            nothing = nothing_of(*SCALED_FIELDS)
+            nothing: dict[str, Any] = dict.fromkeys(SCALED_FIELDS)
             costs |= _other_costs(replace(linear, form="absolute", **nothing), Path(folder), "form absolute")
     return costs
 

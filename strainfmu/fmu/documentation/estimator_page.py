@@ -11,8 +11,8 @@ from strainfmu.arrays import FloatArray
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
 from strainfmu.estimator.map.sensors import ThermalMap
-from strainfmu.estimator.map.validity import all_ranges
 from strainfmu.estimator.policies import POLICIES
+from strainfmu.estimator.valid_ranges import all_ranges
 from strainfmu.fmu.documentation.index_page import Section
 from strainfmu.fmu.documentation.run_panels import estimate_figure, fault_span
 from strainfmu.fmu.reference_run.run import TRUTH, ReferenceRun, is_usual

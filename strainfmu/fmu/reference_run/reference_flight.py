@@ -231,7 +231,7 @@ def flight_of_tables(inverse_map: InverseMap, path: FlightPath) -> ReferenceFlig
     """Return the flight of ``path`` in the tables of ``inverse_map``."""
     manifold = inverse_map.manifold
     assert manifold is not None
-    state, n = flight_states(manifold, path), manifold.tables.n_gauges
+    state, n = flight_states(manifold, path), manifold.n_gauges
     value, jacobian = evaluate(manifold.tables, state)
     strain, loads = value[:, :n], value[:, n:]
     covariance = strain_covariance(manifold, manifold.gauge_covariance, state)

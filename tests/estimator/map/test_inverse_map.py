@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from flight_maps import whole_map
 from inertia_maps import with_masses
-from random_map import N_GAUGES, N_STATES, map_of, random_map, random_model
+from random_map import N_GAUGES, N_STATES, map_of, nothing_of, random_map, random_model
 from state_estimates import state_gain, state_offset
 from synthetic_vehicle import synthetic_inverse_map
 
@@ -22,7 +22,6 @@ from strainfmu.estimator.map.inverse_map import (
     InverseMap,
     left_out,
     load_inverse_map,
-    nothing_of,
     save_inverse_map,
 )
 from strainfmu.estimator.map.sensors import strain_rows

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from agreement import Sample, estimated, strain_at
 from native_case import NativeCase
+from random_map import nothing_of
 from raw_fmu import N_OUTPUTS, OK, REAL_OUTPUTS, VALUES, WHOLE_OUTPUTS, Fmu2, write_resource
 from scaled_maps import NOMINAL, errors_at_strain, scaled_map, with_envelope
 from scipy.optimize import brentq
 
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.map.inverse_map import nothing_of
 
 pytestmark = pytest.mark.fast
 

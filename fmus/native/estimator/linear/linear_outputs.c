@@ -132,7 +132,7 @@ static void of_pressure(const Flow *flow, const double *scale, const double *coe
    n' cov n = sum over i <= k of (2 - [i = k]) n_i n_k cov_ik, so that `products` (n_half_spaces, 15) times the 15
    entries of the covariance gives all variances by one product, and only where some half-space is left at all.
    Squares are compared: one root in the end. docs/explanation/envelope.md, "The envelope margin";
-   strainfmu/estimator/map/validity.py. */
+   strainfmu/estimator/valid_ranges.py. */
 
 #define N_ENTRIES 15 /* of a symmetric (5, 5) matrix */
 

@@ -53,12 +53,12 @@ enum {
     X(T, NUMBER, dynamic_pressure, dynamic_pressure, POSITIVE, 0, 0, 0, SYM_NONE, FIXED(0)) /* mean q_inf of the snapshots [Pa] */ \
     X(T, NUMBER, smallest_setting, smallest, BETWEEN, 0, DBL_MIN, 1, SYM_NONE, FIXED(0)) /* bounds of settings */ \
     X(T, NUMBER, largest_setting, largest, BETWEEN, 0, 1, DBL_MAX, SYM_NONE, FIXED(0)) /* the same */ \
+    X(T, NUMBER, largest_zero, largest_zero, BETWEEN, 0, 0, DBL_MAX, SYM_NONE, FIXED(0)) /* of zero offsets and their standard deviations */ \
+    X(T, NUMBER, not_known, not_known, ANY, 0, 0, 0, SYM_NONE, FIXED(0)) /* start value of flow parameters, and a value of thrust, that means what NaN does */ \
     X(T, NUMBER, reference_area, reference_area, ANY, 0, 0, 0, SYM_NONE, FIXED(0)) /* what the map was built with [m2] */ \
     X(T, NUMBER, reference_length, reference_length, ANY, 0, 0, 0, SYM_NONE, FIXED(0)) /* the same [m] */ \
     X(T, NUMBER, moment_station, moment_station, ANY, 0, 0, 0, SYM_NONE, FIXED(0)) /* the same [m] */ \
-    X(T, NUMBER, sensor_range, sensor_range, ANY, 0, 0, 0, SYM_NONE, FIXED(0)) /* start value */ \
-    X(T, NUMBER, largest_zero, largest_zero, BETWEEN, 0, 0, DBL_MAX, SYM_NONE, FIXED(0)) /* of zero offsets and their standard deviations */ \
-    X(T, NUMBER, not_known, not_known, ANY, 0, 0, 0, SYM_NONE, FIXED(0)) /* start value of flow parameters, and a value of thrust, that means what NaN does */
+    X(T, NUMBER, sensor_range, sensor_range, ANY, 0, 0, 0, SYM_NONE, FIXED(0)) /* start value */
 
 #define ENVELOPE(X, T) \
     X(T, LENGTH, n_half_spaces, limit, ANY, 0, 0, 0, SYM_HALF_SPACES, FIXED(0), FIXED(65536)) \
@@ -66,11 +66,11 @@ enum {
     X(T, ARRAY, direction, direction, ANY, 2, 0, 0, SYM_NONE, FIXED(5), AXIS(HALF_SPACES, 1, 0)) /* half-spaces of the coefficients, n'C <= envelope_limit */ \
     X(T, ARRAY, limit, limit, ANY, 1, 0, 0, SYM_NONE, AXIS(HALF_SPACES, 1, 0)) /* see envelope_direction */ \
     X(T, NUMBER, score_limit, score_limit, POSITIVE, 0, 0, 0, SYM_NONE, FIXED(0)) /* standard deviations beyond them that count as outside */ \
+    X(T, NUMBER, half_gamma, half_gamma, ANY, 0, 0, 0, SYM_NONE, FIXED(0)) /* q = half_gamma M^2 p(h) */ \
     X(T, NUMBER, pressure_tolerance, pressure_tolerance, ANY, 0, 0, 0, SYM_NONE, FIXED(0)) /* relative difference of q_inf and 0.7 M^2 p(h) that is no contradiction, but errors of navigation and weather */ \
     X(T, VALUES_2, dynamic_pressure, dynamic_pressure, BOUNDS, 1, 0, 0, SYM_NONE, FIXED(2)) /* smallest and largest, may be infinite [Pa] */ \
     X(T, VALUES_2, mach_number, mach_number, BOUNDS, 1, 0, 0, SYM_NONE, FIXED(2)) /* the same */ \
     X(T, VALUES_2, altitude, altitude, BOUNDS, 1, 0, 0, SYM_NONE, FIXED(2)) /* the same [m] */ \
-    X(T, NUMBER, half_gamma, half_gamma, ANY, 0, 0, 0, SYM_NONE, FIXED(0)) /* q = half_gamma M^2 p(h) */ \
     X(T, ARRAY, layers, layers, ANY, 2, 0, 0, SYM_NONE, AXIS(LAYERS, 1, 0), FIXED(LAYER_SIZE)) /* of the atmosphere */
 
 #define SCALED(X, T) \
@@ -121,10 +121,10 @@ enum {
 
 #define PARAMETERS(X, T) \
     X(T, LENGTH, count, minimum, ANY, 0, 0, 0, SYM_PARAMETERS, FIXED(1), FIXED(64)) \
-    X(T, NUMBER, tolerance, tolerance, ANY, 0, 0, 0, SYM_NONE, FIXED(0)) /* score up to which a parameter is inside */ \
-    X(T, NUMBER, largest_score, largest_score, ANY, 0, 0, 0, SYM_NONE, FIXED(0)) /* of a value that is no finite number, infinity */ \
     X(T, ARRAY, minimum, minimum, ANY, 1, 0, 0, SYM_NONE, AXIS(PARAMETERS, 1, 0)) /* over the snapshots */ \
     X(T, ARRAY, maximum, maximum, ANY, 1, 0, 0, SYM_NONE, AXIS(PARAMETERS, 1, 0)) /* the same */ \
+    X(T, NUMBER, tolerance, tolerance, ANY, 0, 0, 0, SYM_NONE, FIXED(0)) /* score up to which a parameter is inside */ \
+    X(T, NUMBER, largest_score, largest_score, ANY, 0, 0, 0, SYM_NONE, FIXED(0)) /* of a value that is no finite number, infinity */ \
     X(T, ARRAY, span, span, POSITIVE, 1, 0, 0, SYM_NONE, AXIS(PARAMETERS, 1, 0)) /* width of the range, at least the size of a value that is fixed */ \
     X(T, TEXT, names, names, ANY, 2, 0, 0, SYM_NONE, AXIS(PARAMETERS, 1, 0), FIXED(PARAMETER_NAME_SIZE)) /* as in the vehicle file */
 
@@ -189,6 +189,8 @@ enum {
     X(T, NUMBER, altitude_error, altitude_error, ANY, 0, 0, 0, SYM_NONE, FIXED(0)) /* standard deviation of p_inf of the standard atmosphere at a stated altitude, relative */ \
     X(T, NUMBER, chi_square_scale, chi_square_scale, ANY, 0, 0, 0, SYM_NONE, FIXED(0)) /* factor on the detection threshold of chi-square, from data of a truth model */ \
     X(T, NUMBER, outlier_scale, outlier_scale, ANY, 0, 0, 0, SYM_NONE, FIXED(0)) /* the same on the square of the largest leave-one-out residual */ \
+    X(T, NUMBER, half_gamma, half_gamma, ANY, 0, 0, 0, SYM_NONE, FIXED(0)) /* q = half_gamma M^2 p */ \
+    X(T, NUMBER, log_half_gamma, log_half_gamma, ANY, 0, 0, 0, SYM_NONE, FIXED(0)) /* its logarithm */ \
     X(T, VALUES_4, largest_step, largest_step, POSITIVE, 1, 0, 0, SYM_NONE, FIXED(4)) /* largest change of M [1], u, w [rad] and ln p_inf in one iteration */ \
     X(T, WHOLE, start_iterations, start_iterations, ANY, 0, 2, 1000, SYM_NONE, FIXED(0)) /* iterations of every state of the search, an even number */ \
     X(T, WHOLE, cold_iterations, cold_iterations, ANY, 0, 0, 1000, SYM_NONE, FIXED(0)) /* iterations of the best of them from there */ \
@@ -209,8 +211,6 @@ enum {
     X(T, VALUES_3, navigation_error, navigation_error, ANY, 1, 0, 0, SYM_NONE, FIXED(3)) /* of navigation without a standard deviation */ \
     X(T, VALUES_4, prior_mean, prior_mean, ANY, 1, 0, 0, SYM_NONE, FIXED(4)) /* of the flight state where nothing is known */ \
     X(T, VALUES_4, prior_precision, prior_precision, POSITIVE, 1, 0, 0, SYM_NONE, FIXED(4)) /* its inverse variance */ \
-    X(T, NUMBER, half_gamma, half_gamma, ANY, 0, 0, 0, SYM_NONE, FIXED(0)) /* q = half_gamma M^2 p */ \
-    X(T, NUMBER, log_half_gamma, log_half_gamma, ANY, 0, 0, 0, SYM_NONE, FIXED(0)) /* its logarithm */ \
     X(T, NUMBER, shape_limit, shape_limit, ANY, 0, 0, 0, SYM_NONE, FIXED(0)) /* sum of squares of discrepancy modes from which strain does not fit */ \
     X(T, NUMBER, outlier_threshold, outlier_threshold, ANY, 0, 0, 0, SYM_NONE, FIXED(0)) /* of the largest leave-one-out residual */ \
     X(T, ARRAY, chi_square_limit, chi_square_limit, ANY, 1, 0, 0, SYM_NONE, AXIS(GAUGES, 1, 4)) /* by degrees of freedom from 0 on */ \
