@@ -129,15 +129,6 @@ static void take_direction(const LoadRows *rows, size_t n, size_t a, double unit
     }
 }
 
-/* The row of largest S that is not taken yet; square[] of a taken row is -1. */
-static size_t next_row(size_t count, double *square) {
-    size_t best = 0;
-    for (size_t k = 1; k < count; k++) {
-        best = square[k] > square[best] ? k : best;
-    }
-    return best;
-}
-
 /* The next direction, falling by size, of the turned rows; its loads. */
 static void set_direction(AddedNoise *noise, const double *rows, const LoadRows loads[2]) {
     const size_t n = noise->file.n_gauges, a = noise->taken;

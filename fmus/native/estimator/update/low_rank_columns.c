@@ -174,10 +174,7 @@ static size_t take_columns(Scaled *scaled, const double *root) {
         low->scratch[k] = size_of(scaled, k);
     }
     for (; kept < rows; kept++) {
-        size_t best = 0;
-        for (size_t k = 1; k < rows; k++) {
-            best = low->scratch[k] > low->scratch[best] ? k : best;
-        }
+        const size_t best = next_row(rows, low->scratch);
         const double *row = low->turned + best * (count + rows), size = low->scratch[best];
         if (!(size > SMALLEST)) {
             break;

@@ -31,6 +31,15 @@ static inline double own_covariance(const AddedNoise *noise, size_t k) {
     return (noise->own != NULL ? noise->own : noise->file.gauge_covariance)[k] + noise->added[k];
 }
 
+/* The row of largest S, or of its square, that is not taken yet; `size` of a taken row is -1. */
+static inline size_t next_row(size_t count, const double *size) {
+    size_t best = 0;
+    for (size_t k = 1; k < count; k++) {
+        best = size[k] > size[best] ? k : best;
+    }
+    return best;
+}
+
 /* Hand out the arrays for the map of a file; other_loads is set. */
 void added_noise_arrays(const Map *map, AddedNoise *noise, Room *room);
 
