@@ -54,9 +54,6 @@ READINGS = tuple(Reading(z, y, hoop) for hoop in ("z", "y") for z in (180, 0) fo
 SHIPPED = Reading(180, 90, "z")
 """The reading of the shipped vehicle file."""
 
-OTHER = Reading(180, 90, "y")
-"""The same positions, with the hoop gauges on the row in the xy-plane."""
-
 SPANS = {"0.35 to 3.30 m (shipped)": (0.35, 3.30), "0.20 to 3.40 m": (0.20, 3.40), "0.50 to 3.20 m": (0.50, 3.20)}
 """First and last station of the rows, which the source does not give."""
 

@@ -83,14 +83,3 @@ def model_form(entry: MapEntry, noise: Noise) -> ModelForm:
 def model_form_percent(entry: MapEntry, noise: Noise) -> float:
     """Return the entry, 0 with ``noise.model`` "paper"."""
     return 0.0 if noise.model == "paper" else entry.model_form_percent
-
-
-SIZES = (
-    "model_form_percent",
-    "discrepancy_percent",
-    "discrepancy_of_prior_percent",
-    "discrepancy_of_overpressure_percent",
-    "discrepancy_of_leeward_percent",
-    "discrepancy_of_newtonian_percent",
-)
-"""Entries of [map] that state a size of the model-form error."""

@@ -28,11 +28,21 @@ from builder.manifold.tables import (
 from builder.structure.fourier.fourier_model import StructuralModel
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map_options import HARDWARE_ERRORS, MapEntry, Noise
-from builder.vehicle.model_form import SIZES, model_form
+from builder.vehicle.model_form import model_form
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.numerics import basis
+
+SIZES = (
+    "model_form_percent",
+    "discrepancy_percent",
+    "discrepancy_of_prior_percent",
+    "discrepancy_of_overpressure_percent",
+    "discrepancy_of_leeward_percent",
+    "discrepancy_of_newtonian_percent",
+)
+"""Entries of [map] that state a size of the model-form error."""
 
 
 def with_entry(vehicle: Vehicle, **entry: object) -> Vehicle:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from inverse_case import cross_covariance
 from report_case import CASE_1, CASE_2, ReportCase, case_of, map_of_some, others, solved_on_same_modes, with_gauges
 from scipy.stats import norm
 from state_estimates import state_gain
@@ -30,7 +31,7 @@ def rebuilt_std(case: ReportCase, lost: list[int]) -> np.ndarray:
     solution = solved_on_same_modes(case, kept)
     per_state = problem.load_operator @ solution.field_modes
     covariance = load_covariance_by_terms(
-        solution.solved, per_state, solution.noise, solution.noise.strain_load_covariance
+        solution.solved, per_state, solution.noise, cross_covariance(solution.noise)
     )
     return np.sqrt(np.diag(covariance))
 

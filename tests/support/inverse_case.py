@@ -39,6 +39,11 @@ def noise_model(case: Case, n_modes: int, with_truncated: bool = True) -> NoiseM
     return NoiseModel((of_gauges, truncated_modes(strain, load, case.modes, n_modes)))
 
 
+def cross_covariance(noise: NoiseModel) -> np.ndarray:
+    """(n_d, n_f) covariance of strain error and load that no state holds [m/m (N, N m)]."""
+    return np.sum([term.columns @ term.load.T for term in noise.terms if term.load is not None], axis=0)
+
+
 def least_squares(case: Case, n_modes: int) -> LeastSquaresMap:
     """Return the map of Case 1 with the default noise."""
     z = case.strain_operator @ case.modes.modes[:, :n_modes]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from itertools import permutations
 
 import numpy as np
@@ -9,17 +10,18 @@ from scipy.sparse import csr_array
 from scipy.sparse.linalg import splu
 
 from builder.structure.fourier.meridian_mesh import End, MeridianMesh, tube_mesh
-from builder.structure.solid.cyclic import pressure_operator, sector_stiffness
+from builder.structure.solid.cyclic import CircularOperator, _symmetric, pressure_operator
 from builder.structure.solid.elements import CORNERS, Quadrature, boundary_facets, element_edges, reference_nodes
 from builder.structure.solid.nodal_loads import normals_at_nodes, surface_nodes
 from builder.structure.solid.solid_mesh import EXTERNAL, INTERNAL, SUPPORT, SolidMesh
+from builder.structure.solid.stiffness import assemble_stiffness
 from builder.structure.solid.supports import (
     Foundation,
     Restraint,
     foundation_stiffness,
     free_motions,
 )
-from builder.structure.solid.swept_mesh import EDGE_NODES, REGION, SweptSector, full_mesh, sweep
+from builder.structure.solid.swept_mesh import EDGE_NODES, REGION, SweptSector, full_mesh, sector_window, sweep
 from builder.structure.wall import Material
 from strainfmu.arrays import FloatArray
 
@@ -123,6 +125,13 @@ def with_planes_of_symmetry(mesh: SolidMesh, *surfaces: str, springs: Foundation
     free = free_motions(mesh.n_nodes, np.concatenate(node), np.concatenate(direction))
     none = csr_array((mesh.n_dof, mesh.n_dof))
     return Restraint(free, none if springs is None else foundation_stiffness(mesh, springs))
+
+
+def sector_stiffness(
+    sector: SweptSector, materials: Mapping[str, Material], quadrature: Quadrature | None = None
+) -> CircularOperator:
+    """Return the stiffness [N/m] of a swept mesh in sector frames, that nothing holds."""
+    return _symmetric(sector, assemble_stiffness(sector_window(sector), materials, quadrature))
 
 
 def harmonic_field(

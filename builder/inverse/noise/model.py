@@ -138,12 +138,6 @@ class NoiseModel:
         whitening[np.diag_indices(len(own))] += 1.0
         return np.asarray(whitening / np.sqrt(own))
 
-    @cached_property
-    def strain_load_covariance(self) -> FloatArray | None:
-        """(n_d, n_f) covariance of strain error and load that no state holds [m/m (N, N m)], or None."""
-        parts = [term.columns @ term.load.T for term in self.terms if term.load is not None]
-        return np.sum(parts, axis=0) if parts else None
-
     def fractions(self) -> list[dict[str, Any]]:
         """Return, per term, its name, ``share`` tr(Gamma^-1 Gamma_term) / n_d of the whitened variance [1], and
         ``rms_strain``, the root of the mean variance over the gauges [m/m]. The fractions add up to 1.

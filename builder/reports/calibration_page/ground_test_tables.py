@@ -27,10 +27,6 @@ def _left(estimate: Estimate, predicted: np.ndarray) -> np.ndarray:
     return np.where(estimate.used, estimate.model.test.readings - predicted, np.nan)
 
 
-def _rms(estimate: Estimate, predicted: np.ndarray) -> float:
-    return float(np.sqrt(np.nanmean(_left(estimate, predicted) ** 2)))
-
-
 ROUNDED = 1e-9
 """Loads over the largest one below which they are the rounding of none."""
 

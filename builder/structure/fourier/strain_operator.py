@@ -106,22 +106,6 @@ SAME_STATION = 1e-9  # m
 READINGS_AT_ONCE = 64
 
 
-@dataclass(frozen=True)
-class Resolution:
-    """Resolution of the structure.
-
-    Attributes
-    ----------
-    element_length : element length along the wall far from edges [m].
-    n_layers : elements through the wall.
-    max_harmonic : highest harmonic in roll angle.
-    """
-
-    element_length: float = 0.0075
-    n_layers: int = 2
-    max_harmonic: int = 16
-
-
 @dataclass(frozen=True, eq=False, kw_only=True)
 class HarmonicResponse:
     """Strain on the inner surface per pressure 1 Pa * (hat function of station k) * cos(m phi).

@@ -30,7 +30,6 @@ from scipy.sparse import block_diag, coo_array, csc_array, csr_array, eye_array,
 
 from builder.processors import processors
 from builder.reporting import Progress
-from builder.structure.solid.elements import Quadrature
 from builder.structure.solid.gauge_rows import Gauges, gauge_rows
 from builder.structure.solid.nodal_loads import facet_pressure_load, nodal_force_load, surface_nodes
 from builder.structure.solid.sparse_problem import (
@@ -121,16 +120,6 @@ class CyclicProblem:
 def n_harmonics(n_sectors: int) -> int:
     """Return the number of harmonics from 0 that real fields over sectors need."""
     return n_sectors // 2 + 1
-
-
-def sector_stiffness(
-    sector: SweptSector, materials: Mapping[str, Material], quadrature: Quadrature | None = None
-) -> CircularOperator:
-    """Return the stiffness [N/m] of a swept mesh in sector frames, that nothing holds.
-
-    Arguments and errors as in :func:`builder.structure.solid.stiffness.assemble_stiffness`.
-    """
-    return _symmetric(sector, assemble_stiffness(sector_window(sector), materials, quadrature))
 
 
 def pressure_operator(sector: SweptSector, surface_name: str) -> CircularOperator:

@@ -89,33 +89,19 @@ def _chunks(
         yield chunk, stiffness
 
 
-def element_stiffness(
+def assemble_stiffness(
     mesh: SolidMesh, materials: Mapping[str, Material], quadrature: Quadrature | None = None
-) -> FloatArray:
-    """Return the stiffness of each element.
+) -> csr_array:
+    """Return the stiffness (n_dof, n_dof) [N/m] of a mesh that nothing holds.
+
+    Symmetric to round-off, positive semi-definite, columns sorted. Entries are summed chunk by chunk as 3 x 3
+    blocks, so the peak of memory is about twice the result.
 
     Parameters
     ----------
     mesh : the mesh.
     materials : material by name of region.
     quadrature : by default the mesh's own (:data:`builder.structure.solid.elements.THIN_WALL_POINTS`).
-
-    Returns
-    -------
-    (m, 3 n_e, 3 n_e) [N/m], symmetric; local dof = 3 * local node + component.
-    """
-    size = 3 * mesh.element.shape[1]
-    return np.concatenate([part.reshape(-1, size, size) for _, part in _chunks(mesh, materials, quadrature)])
-
-
-def assemble_stiffness(
-    mesh: SolidMesh, materials: Mapping[str, Material], quadrature: Quadrature | None = None
-) -> csr_array:
-    """Return the stiffness (n_dof, n_dof) [N/m] of a mesh that nothing holds.
-
-    Symmetric to round-off, positive semi-definite, columns sorted. Arguments and errors as in
-    :func:`element_stiffness`. Entries are summed chunk by chunk as 3 x 3 blocks, so the peak of memory is about
-    twice the result.
     """
     n, n_e = mesh.n_nodes, mesh.element.shape[1]
     key = (mesh.element[:, :, None] * n + mesh.element[:, None, :]).reshape(len(mesh.element), n_e**2)

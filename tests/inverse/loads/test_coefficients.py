@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from inverse_case import Case, gaussian, least_squares, noise_model
+from inverse_case import Case, cross_covariance, gaussian, least_squares, noise_model
 from state_estimates import load_gain_of, precision_of
 
 from builder.campaign.snapshots import Snapshots
@@ -24,14 +24,14 @@ N_DRAWS = 20_000
 def covariance_of(case: Case) -> np.ndarray:
     """Case 1 with the default noise."""
     per_state, noise = case.loads @ case.modes.modes[:, :N_MODES], noise_model(case, N_MODES)
-    return load_covariance_by_terms(least_squares(case, N_MODES), per_state, noise, noise.strain_load_covariance)
+    return load_covariance_by_terms(least_squares(case, N_MODES), per_state, noise, cross_covariance(noise))
 
 
 def gain_of(case: Case) -> np.ndarray:
     """(5, n_d) loads per strain of Case 1 with the default noise."""
     per_state, noise = case.loads @ case.modes.modes[:, :N_MODES], noise_model(case, N_MODES)
     solved = least_squares(case, N_MODES)
-    return load_gain_of(solved, per_state, noise.strain_load_covariance)
+    return load_gain_of(solved, per_state, cross_covariance(noise))
 
 
 def load_errors(case: Case, gain: np.ndarray, held_out: Snapshots, repeats: int = 100) -> np.ndarray:
@@ -127,7 +127,7 @@ def test_case_2_with_a_cut_prior_counts_what_is_cut(case: Case) -> None:
     prior, noise = prior_of_modes(case.modes, 12), noise_model(case, 12)
     mean_strain = case.strain_operator @ (prior.mean - case.internal_pressure)
     solved = gaussian_map(case.strain_operator @ prior.factor, mean_strain, noise.covariance)
-    per_state, x = case.loads @ prior.factor, noise.strain_load_covariance
+    per_state, x = case.loads @ prior.factor, cross_covariance(noise)
     covariance = load_covariance_by_terms(solved, per_state, noise, x)
     random = np.random.default_rng(21)
     states = random.normal(size=(4000, case.modes.modes.shape[1])) * case.modes.coefficient_std

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from inverse_case import Case, noise_model
+from inverse_case import Case, cross_covariance, noise_model
 from state_estimates import load_gain_of
 
 from builder.campaign.snapshots import Snapshots
@@ -237,7 +237,7 @@ def test_gauge_errors_are_covered_with_their_term_and_not_without(
     coverage = []
     for model in (NoiseModel((*default.terms, term)), default):
         solved = least_squares_map(z, np.zeros(54), model.covariance, case.modes.coefficient_std[:N_MODES])
-        x = model.strain_load_covariance
+        x = cross_covariance(model)
         gain = load_gain_of(solved, per_state, x)
         std = np.sqrt(np.diag(load_covariance_by_terms(solved, per_state, model, x)))
         coverage.append((np.abs(strain @ gain.T - truth) < 3.0 * std).mean(axis=(0, 1)))
@@ -409,6 +409,3 @@ def test_a_model_without_gauge_noise_has_no_shares() -> None:
     model = NoiseModel((nuisance_modes("heat", np.ones((4, 1)), np.ones(1)),))
     with pytest.raises(InputError, match="positive definite"):
         model.fractions()
-    assert model.strain_load_covariance is None
-    term = replace(model.terms[0], load=np.ones((5, 1)))
-    np.testing.assert_array_equal(NoiseModel((term,)).strain_load_covariance, np.ones((4, 5)))

@@ -10,7 +10,6 @@ from builder.structure.fourier.meridian_mesh import MeridianMesh
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import (
     HarmonicResponse,
-    Resolution,
     harmonic_response,
     strain_operator,
 )
@@ -105,15 +104,14 @@ def test_mesh_refinement_changes_little(
     """Default against half the element length and one layer more; windward-like pressure, all gauges."""
     pressure = field(grid, np.exp(-0.8 * np.cos(grid.roll_angle - 0.4)))
 
-    def strain(resolution: Resolution) -> np.ndarray:
-        mesh = shell_mesh(body, wall, resolution.element_length, resolution.n_layers)
+    def strain(element_length: float, n_layers: int) -> np.ndarray:
+        mesh = shell_mesh(body, wall, element_length, n_layers)
         response = harmonic_response(mesh, wall.material, ring_of_gauges.x, grid.x, 6)
         return strain_operator(response, ring_of_gauges, grid) @ pressure
 
-    default = Resolution()
-    fine = strain(Resolution(0.5 * default.element_length, default.n_layers + 1))
-    assert np.abs(strain(default) - fine).max() < 1e-4 * np.median(np.abs(fine))
-    assert np.abs(strain(Resolution(0.02, 1)) - fine).max() < 1e-2 * np.median(np.abs(fine))
+    fine = strain(0.5 * 0.0075, 3)
+    assert np.abs(strain(0.0075, 2) - fine).max() < 1e-4 * np.median(np.abs(fine))
+    assert np.abs(strain(0.02, 1) - fine).max() < 1e-2 * np.median(np.abs(fine))
 
 
 def test_agrees_with_hexahedra() -> None:

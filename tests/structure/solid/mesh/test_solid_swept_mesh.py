@@ -6,7 +6,7 @@ from functools import cache, partial
 
 import numpy as np
 import pytest
-from solid_bodies import METAL, harmonic_field, tube
+from solid_bodies import METAL, harmonic_field, sector_stiffness, tube
 
 from builder.aero.mapping_report import MappingTolerances, check_mapping, mapping_report
 from builder.aero.pressure_map import pressure_map
@@ -14,7 +14,6 @@ from builder.aero.surface.mesh import mesh_of_grid
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import harmonic_response
 from builder.structure.mapped_structure import TOLERANCES_OF_CHECK
-from builder.structure.solid.cyclic import sector_stiffness
 from builder.structure.solid.elements import boundary_facets, face_keys
 from builder.structure.solid.gauge_rows import gauge_rows, gauges_at
 from builder.structure.solid.mesh_checks import check_mesh

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.sparse import csr_array, eye_array
-from solid_bodies import GUIDED, METAL, tube
+from solid_bodies import GUIDED, METAL, sector_stiffness, tube
 
 from builder.reports.growth import growth_rows, growth_table, sector_of_size
 from builder.structure.gauge_placement import gauge_mesh
@@ -20,7 +20,6 @@ from builder.structure.solid.cyclic import (
     pressure_operator,
     rows_in_sectors,
     sector_rows,
-    sector_stiffness,
 )
 from builder.structure.solid.elements import element_faces
 from builder.structure.solid.gauge_layouts import solid_gauges
