@@ -246,9 +246,9 @@ def hexahedral_model(
     )
 
 
-def fourier_model(vehicle: Vehicle, progress: Progress | None = None) -> StrainModel:
+def fourier_model(vehicle: Vehicle) -> StrainModel:
     """Return the semi-analytic model; its resolution and pressure nodes are the vehicle's."""
-    model = structural_model(vehicle, vehicle.resolution.map, [ALL], progress)
+    model = structural_model(vehicle, vehicle.resolution.map, [ALL])
     layout = model.layouts[ALL]
     used = vehicle.resolution.map
     facts = {"element_length_mm": used.element_length_mm, "layers": used.wall_layers, "harmonics": used.harmonics}

@@ -370,9 +370,7 @@ def _estimator_extras(
     }
 
 
-def export_plant(
-    flight_model_path: Path, trajectory_path: Path, fmu_path: Path, model_name: str = "StrainedVehicle"
-) -> None:
+def export_plant(flight_model_path: Path, trajectory_path: Path, fmu_path: Path) -> None:
     """Write the plant FMU of a flight model (HDF5) on a trajectory (CSV) to ``fmu_path``.
 
     Raises
@@ -395,7 +393,7 @@ def export_plant(
     table = trajectory_path.read_bytes()
     code = slave_code("plant_slave", _PLANT_SOURCES)
     description = FmuDescription(
-        model_name=model_name,
+        model_name="StrainedVehicle",
         description=f"A vehicle on its trajectory, with {model.n_gauges} noisy strain gauges: {model.vehicle}",
         interface=plant_interface(model),
         content_hash=hashlib.sha256(f"{content_hash}{code.digest}".encode() + table).hexdigest(),

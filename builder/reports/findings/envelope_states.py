@@ -101,14 +101,10 @@ def air_data_at(state: FloatArray, navigation: str) -> FloatArray:
     return air_data
 
 
-def estimated_at(
-    estimator: Estimator, state: FloatArray, navigation: str, valid: BoolArray | None = None
-) -> Estimate:
+def estimated_at(estimator: Estimator, state: FloatArray, navigation: str) -> Estimate:
     """Return the estimates of the strain of the tables at ``state`` (k, 4), from which they start.
 
     Air data count as independent measurements.
-
-    ``valid`` (n_d,) is false for gauges to leave out; None for none.
     """
     manifold = estimator.inverse_map.manifold
     assert manifold is not None
@@ -117,7 +113,6 @@ def estimated_at(
     return estimator.estimate(
         strain * estimator.inverse_map.sensors.scale,
         dynamic,
-        valid=valid,
         mach_number=mach,
         static_pressure=static,
         q_source=QSource.INDEPENDENT,
