@@ -17,7 +17,7 @@ from strainfmu.estimator.map.flight_tables import MIN_INCIDENCE
 from strainfmu.estimator.map.schema import POSITIVE, MapRecord, entry
 from strainfmu.estimator.map.validity import PARAMETER_TOLERANCE
 from strainfmu.estimator.settings import LARGEST_SETTING, SMALLEST_SETTING
-from strainfmu.estimator.signal_names import NOT_KNOWN
+from strainfmu.estimator.signal_names import NOT_KNOWN, TARE
 
 FALSE_ALARMS = (1e-2, 1e-2, 1e-6)
 """Rates at which correct values of :data:`~strainfmu.estimator.air_inputs.NAVIGATION` are left out. M and p_inf:
@@ -126,19 +126,19 @@ class Policies(MapRecord, where="policies"):
 
     # Tares: a window holds four readings of each of 16 stretches.
     least_samples: int = entry(meaning="readings that a window of a tare must hold", default=64,
-        place="tare.least_samples", low=64.0)
+        place=f"{TARE}.least_samples", low=64.0)
     least_part: float = entry(meaning="part of a window in which a gauge must read", default=0.9,
-        place="tare.least_part", low=0.0)
+        place=f"{TARE}.least_part", low=0.0)
     least_gauges: float = entry(meaning="part of the gauges that must have a zero", default=0.5,
-        place="tare.least_gauges", low=0.0)
+        place=f"{TARE}.least_gauges", low=0.0)
     own_factor: float = entry(
         meaning="of the scatter of a gauge by its own noise; times the scatter of the stretches of all gauges",
-        default=3.0, place="tare.own_factor", low=0.0)
+        default=3.0, place=f"{TARE}.own_factor", low=0.0)
     moved: float = entry(
         meaning="factor on the scatter from which gauges move; standard deviations of a line's rise over the "
-        "window", default=6.0, place="tare.moved", low=0.0)
+        "window", default=6.0, place=f"{TARE}.moved", low=0.0)
     loud: float = entry(meaning="factor on the map's noise from which the scatter of a gauge is loud",
-        default=10.0, place="tare.loud", low=0.0)
+        default=10.0, place=f"{TARE}.loud", low=0.0)
 
     # The filter. The part of the variance of air data that is not white lasts, and is not averaged.
     white_navigation: float = entry(

@@ -31,7 +31,7 @@ from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.map.schema import MapRecord, entry
 from strainfmu.estimator.map.sensors import SPECIFIC_FORCE
 from strainfmu.estimator.policies import POLICIES
-from strainfmu.estimator.signal_names import ZERO, ZERO_COMMON_STD, ZERO_STD
+from strainfmu.estimator.signal_names import TARE, ZERO, ZERO_COMMON_STD, ZERO_STD
 
 
 class TareFault(IntFlag):
@@ -58,17 +58,17 @@ class TareState(IntEnum):
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class TareLimits(MapRecord, where="tare"):
+class TareLimits(MapRecord, where=TARE):
     """What a tare accepts."""
 
     # fmt: off
     dynamic_pressure: float = entry(unit="Pa", meaning="largest |q_inf| at which air does not load the vehicle",
-        default=100.0, place="tare.dynamic_pressure", low=0.0, high=sys.float_info.max)
-    zero: float = entry(unit="m/m", meaning="largest plausible |zero|", default=2e-3, place="tare.zero", low=0.0,
+        default=100.0, place=f"{TARE}.dynamic_pressure", low=0.0, high=sys.float_info.max)
+    zero: float = entry(unit="m/m", meaning="largest plausible |zero|", default=2e-3, place=f"{TARE}.zero", low=0.0,
         high=sys.float_info.max)
     drift: float = entry(unit="m/m",
         meaning="largest rise of a gauge over the window; it joins the standard deviation", default=2e-6,
-        place="tare.drift", low=0.0, high=sys.float_info.max)
+        place=f"{TARE}.drift", low=0.0, high=sys.float_info.max)
     # fmt: on
 
 
