@@ -64,8 +64,8 @@ class TareLimits(MapRecord, where=TARE):
     # fmt: off
     dynamic_pressure: float = entry(unit="Pa", meaning="largest |q_inf| at which air does not load the vehicle",
         default=100.0, place=f"{TARE}.dynamic_pressure", low=0.0, high=sys.float_info.max)
-    zero: float = entry(unit="m/m", meaning="largest plausible |zero|", default=2e-3, place=f"{TARE}.zero", low=0.0,
-        high=sys.float_info.max)
+    zero: float = entry(unit="m/m", meaning="largest plausible |zero|", default=2e-3, place=f"{TARE}.zero",
+        low=0.0, high=sys.float_info.max)
     drift: float = entry(unit="m/m",
         meaning="largest rise of a gauge over the window; it joins the standard deviation", default=2e-6,
         place=f"{TARE}.drift", low=0.0, high=sys.float_info.max)
