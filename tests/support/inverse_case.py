@@ -39,9 +39,10 @@ def noise_model(case: Case, n_modes: int, with_truncated: bool = True) -> NoiseM
     return NoiseModel((of_gauges, truncated_modes(strain, load, case.modes, n_modes)))
 
 
-def cross_covariance(noise: NoiseModel) -> np.ndarray:
-    """(n_d, n_f) covariance of strain error and load that no state holds [m/m (N, N m)]."""
-    return np.sum([term.columns @ term.load.T for term in noise.terms if term.load is not None], axis=0)
+def cross_covariance(noise: NoiseModel) -> np.ndarray | None:
+    """(n_d, n_f) covariance of strain error and load that no state holds [m/m (N, N m)]; None without such a load."""
+    parts = [term.columns @ term.load.T for term in noise.terms if term.load is not None]
+    return np.sum(parts, axis=0) if parts else None
 
 
 def least_squares(case: Case, n_modes: int) -> LeastSquaresMap:
