@@ -40,7 +40,7 @@ def noise_model(case: Case, n_modes: int, with_truncated: bool = True) -> NoiseM
 
 
 def cross_covariance(noise: NoiseModel) -> np.ndarray | None:
-    """(n_d, n_f) covariance of strain error and load that no state holds [m/m (N, N m)]; None without such a load."""
+    """(n_d, n_f) covariance of strain error and load that no state holds [m/m (N, N m)]; None of no load."""
     parts = [term.columns @ term.load.T for term in noise.terms if term.load is not None]
     return np.sum(parts, axis=0) if parts else None
 
