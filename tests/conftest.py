@@ -117,10 +117,11 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Keep together, where tests run in several processes, what shares fixtures: a file, or one of the folders."""
     groups = {}
     group_of = {name: group for group, names in TOGETHER.items() for name in names}
+    paths = {path: path.relative_to(TESTS) for path in {item.path for item in items}}
     for item in items:
-        if item.get_closest_marker("fast") and item.get_closest_marker("slow"):
+        if {"fast", "slow"} <= {mark.name for mark in item.iter_markers()}:
             raise pytest.UsageError(f"{item.nodeid}: marked both fast and slow")
-        path = item.path.relative_to(TESTS)
+        path = paths[item.path]
         groups[item] = group_of.get(path.parts[0]) or group_of.get(path.as_posix()) or path.as_posix()
         item.add_marker(pytest.mark.xdist_group(groups[item]))
     missing = [name for name in (*FIRST, *group_of) if not (TESTS / name).exists()]

@@ -27,6 +27,7 @@ from builder.calibration.plan.worth_of_test import WorthOfTest, worth_of_test
 from builder.figures.calibration import influence_coefficients
 from builder.pipeline.calibration_report import write_report
 from builder.pipeline.stages import take_snapshots
+from builder.reports.calibration_page import ground_test_page
 from builder.reports.calibration_page.ground_test_page import calibration_page
 from builder.reports.calibration_page.ground_test_tables import equations_table
 from builder.reports.calibration_page.verdict import CalibrationFindings, UsedCell, verdict
@@ -177,8 +178,10 @@ def test_a_sound_test_is_accepted_and_the_page_says_so(found: Estimate, worth: W
     assert sum(tag == "img" for tag in page.tags) == 5
 
 
-@pytest.mark.usefixtures("undrawn")
-def test_an_estimate_that_did_not_settle_is_not_accepted(found: Estimate, worth: WorthOfTest) -> None:
+def test_an_estimate_that_did_not_settle_is_not_accepted(
+    found: Estimate, worth: WorthOfTest, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(ground_test_page, "find_spec", lambda package: None)  # without figures
     one = findings(replace(found, settled=False), worth)
     screen = verdict(one)
     assert not screen.accepted
