@@ -244,7 +244,9 @@ def build_inverse_map(
     problem = problem or inverse_problem(vehicle, snapshots, structure, nuisance)
     solution = solve(problem)
     inverse_map = on_observable_states(inverse_map_of(vehicle, snapshots, structure, problem, solution))
-    return with_score_limit(inverse_map, problem, solution)
+    terms = solution.noise.terms
+    del solution  # of many gauges its full covariance is large
+    return with_score_limit(inverse_map, problem, terms)
 
 
 def snapshot_coefficients(vehicle: Vehicle, snapshots: Snapshots, loads: FloatArray) -> FloatArray:

@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 
 from builder.inverse.ensemble import Ensemble
-from builder.inverse.solution import Problem, Solution
+from builder.inverse.noise.model import NoiseTerm
+from builder.inverse.solution import Problem
 from builder.vehicle.map_options import MapEntry
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.atmosphere import dynamic_pressure
@@ -142,8 +143,9 @@ TAIL = 0.01
 """Fraction of the sample that the tail is fitted to."""
 
 
-def with_score_limit(inverse_map: InverseMap, problem: Problem, solution: Solution) -> InverseMap:
-    """Return ``inverse_map`` with the score limit that a fraction :data:`FALSE_OUTSIDE` of the members exceeds.
+def with_score_limit(inverse_map: InverseMap, problem: Problem, terms: Sequence[NoiseTerm]) -> InverseMap:
+    """Return ``inverse_map`` with the score limit that a fraction :data:`FALSE_OUTSIDE` of the members exceeds;
+    ``terms`` are those of its noise.
 
     The members are the corners of the envelope and what lies between them, so the rate holds for a flight
     programme which goes to its limits. Errors in proportion to strain are drawn at each member's strain.
@@ -156,8 +158,10 @@ def with_score_limit(inverse_map: InverseMap, problem: Problem, solution: Soluti
         q = np.tile([condition.dynamic_pressure for condition in conditions], n // len(conditions))
     estimator, scores = Estimator(inverse_map.without_tables()), list[FloatArray]()
     samples = random.choice(n, size=SAMPLES, p=ensemble.member_weight)
-    for rows in np.array_split(samples, 1 + (inverse_map.n_gauges - 1) // GAUGES_OF_ALL_SAMPLES):
-        readings = (problem.strain[rows] + _errors(problem, solution, rows, random)) * inverse_map.sensors.scale
+    by_member = np.argsort(samples, kind="stable")  # a part has few members
+    for part in np.array_split(by_member, 1 + (inverse_map.n_gauges - 1) // GAUGES_OF_ALL_SAMPLES):
+        rows = samples[np.sort(part)]
+        readings = (problem.strain[rows] + _errors(problem, terms, rows, random)) * inverse_map.sensors.scale
         stated = q[rows] * (1.0 + inverse_map.dynamic_pressure_error * random.standard_normal(len(rows)))
         scores.append(np.asarray(estimator.estimate(readings, stated).envelope_score))
     score = np.concatenate(scores)
@@ -165,17 +169,28 @@ def with_score_limit(inverse_map: InverseMap, problem: Problem, solution: Soluti
     return replace(inverse_map, envelope_score_limit=limit)
 
 
-def _errors(problem: Problem, solution: Solution, rows: IntArray, random: np.random.Generator) -> FloatArray:
+def _errors(
+    problem: Problem, terms: Sequence[NoiseTerm], rows: IntArray, random: np.random.Generator
+) -> FloatArray:
     """Return (n, n_d) strain errors of the members ``rows``: those that follow strain at their own strain."""
     following = {error.name for error in problem.errors}
     total = np.zeros((len(rows), len(problem.strain_operator)))
-    for term in solution.noise.terms:
+    for term in terms:
         if term.name not in following and term.load is None:
             total += term.draw(random, len(rows))
+    sizes, common = list[FloatArray](), list[FloatArray]()
     for error in problem.errors:
-        sensitivity = error.strain[rows]
-        draws = random.standard_normal((len(rows), 1 if error.common else sensitivity.shape[1]))
-        total += sensitivity * draws
+        draws = random.standard_normal((len(rows), 1 if error.common else total.shape[1]))
+        if error.common:
+            sizes.append(draws)
+            common.append(error.strain)
+        else:
+            total += error.strain[rows] * draws
+    if common:
+        size_of_sample = np.hstack(sizes)
+        for member in np.unique(rows):
+            alike = rows == member
+            total[alike] += size_of_sample[alike] @ np.stack([strain[member] for strain in common])
     return total
 
 

@@ -22,6 +22,7 @@ digits. Here every covariance is a sum of positive terms.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -29,6 +30,9 @@ from strainfmu.arrays import FloatArray, inverse_root, is_covariance
 from strainfmu.errors import InputError
 from strainfmu.linear.regularisation import RULES
 from strainfmu.records import brief
+
+if TYPE_CHECKING:
+    from scipy.sparse.linalg import LinearOperator
 
 MAX_CONDITION_NUMBER = 1e10
 """Of the whitened, scaled A in Case 1: above it the gauges do not identify the states."""
@@ -92,12 +96,13 @@ def least_squares_map(
     mean_strain: FloatArray,
     noise_covariance: FloatArray,
     state_std: FloatArray,
-    whitening: FloatArray | None = None,
+    whitening: FloatArray | LinearOperator | None = None,
 ) -> LeastSquaresMap:
     """Build the map (paper, eq. ls-solution with gamma = 0) of A = Z_p V_r and m = Z_p (p_mean - p_internal).
 
     The condition number alone depends on ``state_std`` (r,), the standard deviation of the states [Pa].
-    ``whitening`` W (n_d, n_d) with W^T W = Gamma^-1 is computed if it is not known already.
+    ``whitening`` W (n_d, n_d) with W^T W = Gamma^-1, a matrix or its products alone, is computed if it is not
+    known already.
     """
     n_gauges, n_states = state_operator.shape
     if n_states > n_gauges:
@@ -114,7 +119,7 @@ def least_squares_map(
         )
     # Normal equations by QR of the whitened A, whose condition number they would square.
     q, upper = np.linalg.qr(whitening @ state_operator)
-    gain = np.linalg.solve(upper, q.T @ whitening)
+    gain = np.linalg.solve(upper, (whitening.T @ q).T)
     return LeastSquaresMap(
         state_operator=state_operator,
         mean_strain=mean_strain,
