@@ -300,7 +300,7 @@ def principal_columns(blocks: Sequence[FloatArray], least: float) -> FloatArray:
 def _left_factor(columns: FloatArray, least: float) -> FloatArray:
     """Return U S (m, k) of ``columns`` (m, n) = U S V', the sizes above ``least``, falling: the columns times V.
 
-    V is also that of the triangle of their QR decomposition, at half the cost where m is large.
+    The triangular factor R of the columns has the same V and S, at half the cost where m is large.
     """
     _, size, right = np.linalg.svd(np.linalg.qr(columns, mode="r"), full_matrices=False)
     return np.asarray(columns @ right[size > least].T)
