@@ -144,8 +144,8 @@ TAIL = 0.01
 
 
 def with_score_limit(inverse_map: InverseMap, problem: Problem, terms: Sequence[NoiseTerm]) -> InverseMap:
-    """Return ``inverse_map`` with the score limit that a fraction :data:`FALSE_OUTSIDE` of the members exceeds, with
-    noise of all ``terms``.
+    """Return ``inverse_map`` with the score limit that a fraction :data:`FALSE_OUTSIDE` of the members exceeds,
+    with noise of all ``terms``.
 
     The members are the corners of the envelope and what lies between them, so the rate holds for a flight
     programme which goes to its limits. Errors in proportion to strain are drawn at each member's strain.
