@@ -14,6 +14,7 @@ from difflib import SequenceMatcher
 from functools import lru_cache
 from itertools import permutations, product
 from os import PathLike
+from math import prod
 from pathlib import Path
 
 import numpy as np
@@ -253,7 +254,7 @@ def channel_draft(source: Path, recording: Path) -> ChannelDraft:
     missing = [gauge for gauge in gauges if gauge not in channel]
     for candidates in (strains, with_unit):  # as many with a unit of strain as gauges
         if missing and len(candidates) == len(missing):
-            channel |= zip(missing, candidates, strict=True)
+            channel |= zip(missing, _by_numbers(candidates), strict=True)
             reason |= dict.fromkeys(missing, BY_ORDER)
             missing, strains = [], [name for name in strains if name not in candidates]
     free = [name for name in free if name not in channel.values()]
@@ -298,6 +299,16 @@ def _named(gauges: Sequence[str], names: Sequence[str]) -> dict[str, str]:
             named[gauge] = numbers[number]
     rest = [name for name in names if name not in named.values() and strain_number(name) is None]
     return named | likely_pairs([gauge for gauge in gauges if gauge not in named], rest)
+
+
+def _by_numbers(names: Sequence[str]) -> Sequence[str]:
+    """Return names by their numbers where they differ in these alone, and most of their ranges are there."""
+    parts = {name: _parts(name) for name in names}
+    numbers = [parts[name][1] for name in parts]
+    if len({words for words, _ in parts.values()}) > 1 or len({*map(len, numbers)}) > 1 or len(parts) < len(names):
+        return names
+    of_ranges = prod(max(column) - min(column) + 1 for column in zip(*numbers, strict=True))
+    return sorted(names, key=lambda name: parts[name][1]) if of_ranges <= 2 * len(names) else names
 
 
 # --- roll angles and stations -----------------------------------------------------------------------------------

@@ -234,6 +234,7 @@ def test_steps_that_do_not_settle_are_named(
     assert found.unsettled.startswith(line)
     assert found.unsettled in remarks(found)
     assert found.unsettled in found.far_off
+    assert "too few cases are left" in replace(found, used=np.zeros_like(found.used)).far_off
     monkeypatch.undo()
     assert estimate(built, usable(built)).unsettled == ""
 

@@ -91,6 +91,11 @@ def test_ports_are_taken_in_their_order_and_said_to_be(synthetic: SyntheticFiles
     assert draft.channel == dict(zip(NAMES, ports, strict=True))
     assert draft.text().count("# by order, a guess") == len(NAMES)
     assert "# gauge_factor = 2.0" in draft.text()
+    back = recording(tmp_path / "b.csv", ["t", *reversed(ports)], ["s", *["mV/V"] * len(NAMES)])
+    assert channel_draft(synthetic.map_1, back).channel == draft.channel
+    words = [f"port {'abc'[i % 3]}{i}" for i in reversed(range(len(NAMES)))]
+    of_words = channel_draft(synthetic.map_1, recording(tmp_path / "w.csv", ["t", *words]))
+    assert of_words.channel == dict(zip(NAMES, words, strict=True))
     fewer = channel_draft(synthetic.map_1, recording(tmp_path / "s.csv", ["t", *ports[:-1]]))
     assert (fewer.channel, fewer.free) == ({}, tuple(ports[:-1]))
 

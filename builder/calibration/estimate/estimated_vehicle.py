@@ -249,11 +249,16 @@ class Estimate:
             shown = np.where(self.used, part, 0.0)
             changes.append((shown - _mean_of_group(self.model, self.used, shown))[self.used])
         size = float(changes[0] @ changes[0])
-        factor = float(changes[0] @ changes[1]) / size if size > 0.0 else float("nan")
+        are = "cannot be compared with the drawing's: too few cases are left; check windows and loads"
+        if size > 0.0:
+            factor = float(changes[0] @ changes[1]) / size
+            are = (
+                f"are {factor:.3g} times the drawing's under the stated loads, expected about 1; check signs, "
+                "units and loads"
+            )
         return (
-            "no vehicle near the drawing has these readings: their changes from case to case are "
-            f"{factor:.3g} times the drawing's under the stated loads, expected about 1; "
-            f"check signs, units and loads{'; ' if self.unsettled else ''}{self.unsettled}"
+            f"no vehicle near the drawing has these readings: their changes from case to case {are}"
+            f"{'; ' if self.unsettled else ''}{self.unsettled}"
         )
 
     @property
