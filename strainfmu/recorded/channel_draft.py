@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from difflib import SequenceMatcher
 from functools import lru_cache
 from itertools import permutations, product
-from os import PathLike
 from math import prod
+from os import PathLike
 from pathlib import Path
 
 import numpy as np
