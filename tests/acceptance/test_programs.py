@@ -112,10 +112,11 @@ def test_calibrate_a_map(ogive_demo: Path, tmp_path: Path) -> None:
     assert found.files[0] == tmp_path / "calibrated.h5"
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_place_gauges_and_review(ogive_demo: Path, tmp_path: Path) -> None:
     flows = ogive_demo / "snapshots.h5"
     found = builder.place(
-        OGIVE, 10, tmp_path / "layout.csv", starts=2, estimator="linear", spacing=0.03, snapshots=flows
+        OGIVE, 10, tmp_path / "layout.csv", starts=1, estimator="linear", spacing=0.1, snapshots=flows
     )
     assert len(found.placement.layout.names) == 10
     review = builder.review(
