@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from math import degrees, pi, radians
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from pydantic import AfterValidator, Field, NonNegativeFloat, model_validator
@@ -23,8 +23,8 @@ from builder.vehicle.flight_conditions import Conditions
 from builder.vehicle.toml.toml_sections import Altitude, Section
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import FlowReachError, InputError
-from strainfmu.estimator.air_inputs import STATIC_PRESSURE
-from strainfmu.flight_condition import FlightCondition
+from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE, STATIC_PRESSURE
+from strainfmu.flight_condition import CONDITION_NAMES, FlightCondition
 
 ALTITUDES_KM = (12.0, 30.0)
 """Range [km] of altitudes that are drawn where a map holds at all."""
@@ -320,16 +320,11 @@ def range_of(values: Sequence[float]) -> tuple[float, float]:
     return min(values), max(values)
 
 
-Quantity = Literal[
-    "mach_number",
-    "angle_of_attack",
-    "sideslip_angle",
-    "altitude",
-    "total_incidence",
-    "leeward_roll_angle",
-    "dynamic_pressure",
-    "static_pressure",
-]
+QUANTITIES = (*CONDITION_NAMES, "total_incidence", "leeward_roll_angle", DYNAMIC_PRESSURE, STATIC_PRESSURE)
+if TYPE_CHECKING:
+    Quantity = str
+else:  # types do not follow the names of a table
+    Quantity = Literal[QUANTITIES]
 """Of a flight condition."""
 
 
