@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from strainfmu.errors import InputError, StrainfmuError
-from strainfmu.files import fingerprint, write_bytes_atomically
+from strainfmu.files import fingerprint, kept_json, write_bytes_atomically
 from strainfmu.version import __version__
 
 MANIFEST = "manifest.json"
@@ -186,10 +186,7 @@ class Workspace:
 
     def _manifest(self) -> dict[str, dict[str, Any]]:
         """Return the manifest; one that cannot be read counts as empty, so that all is made again."""
-        try:
-            entries = json.loads(self.path(MANIFEST).read_text(encoding="utf-8"))
-        except (OSError, ValueError):
-            return {}
+        entries = kept_json(self.path(MANIFEST))
         return entries if isinstance(entries, dict) else {}
 
 

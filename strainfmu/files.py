@@ -78,6 +78,14 @@ def write_bytes_atomically(path: str | PathLike[str], content: bytes, *, is_priv
         raise StrainfmuError(f"{path}: could not be written: {error.strerror or error}") from error
 
 
+def kept_json(path: Path) -> Any:
+    """Return what a JSON file holds that is made again where it is missing or damaged: None."""
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+
+
 def check_private(path: Path) -> None:
     """Refuse a file that others than its owner may read or write; systems without POSIX modes check nothing.
 

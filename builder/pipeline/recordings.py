@@ -26,7 +26,7 @@ from builder.processors import processors
 from strainfmu.can.log_frames import is_bus_log
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.estimator.signal_names import ZERO
-from strainfmu.files import fingerprint, write_bytes_atomically
+from strainfmu.files import fingerprint, kept_json, write_bytes_atomically
 from strainfmu.recorded.checks import DataChecks, FaultCounts, FaultRows
 from strainfmu.recorded.formats import SUFFIXES
 from strainfmu.recorded.names import some_of
@@ -220,8 +220,8 @@ def _files_read(source: Path, options: Options) -> list[Path]:
 
 
 def _is_done(task: Task) -> bool:
-    is_there = task.loads.is_file() and task.counts.is_file()
-    return is_there and json.loads(task.counts.read_text(encoding="utf-8"))["key"] == task.key
+    counts = kept_json(task.counts)
+    return task.loads.is_file() and isinstance(counts, dict) and counts.get("key") == task.key
 
 
 def _finish(work: Path, output: Path) -> None:

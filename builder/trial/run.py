@@ -36,7 +36,7 @@ from strainfmu.errors import FlowReachError, StrainfmuError
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.gauge_zeros import GaugeZeros
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
-from strainfmu.files import fingerprint, write_bytes_atomically
+from strainfmu.files import fingerprint, kept_json, write_bytes_atomically
 
 VERSION = 10
 """Raised whenever scores change otherwise than by their inputs, so that they are made again."""
@@ -253,7 +253,7 @@ def run_tasks(
     """
     folder.mkdir(parents=True, exist_ok=True)
     files = {task.key: folder / f"{task.key}.json" for task in tasks}
-    todo, lines = [task for task in tasks if not files[task.key].is_file()], dict[str, str]()
+    todo, lines = [task for task in tasks if kept_json(files[task.key]) is None], dict[str, str]()
     run = partial(run_task, refused=refused)
     with reporter.stage(title if len(todo) == len(tasks) else f"{title}: {len(todo)} of {len(tasks)}") as progress:
         if not todo or (workers == 1 and scheduler is None):

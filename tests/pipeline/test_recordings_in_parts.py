@@ -104,6 +104,8 @@ def test_an_interrupted_run_goes_on(flight: Path, synthetic: SyntheticFiles, tmp
     assert not output.exists()
     done = {path.name: path.stat().st_mtime_ns for path in work.glob("recording=*/part-*")}
     assert len(done) == 2
+    sorted(work.rglob("*.json"))[-1].write_text("{")  # damaged: made again
+    del done[max(done)]
     went_on, _ = in_parts(synthetic.map_1, flight, output)
     times = {path.name: path.stat().st_mtime_ns for path in output.glob("recording=*/part-*")}
     assert {name: times[name] for name in done} == done
