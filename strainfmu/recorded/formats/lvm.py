@@ -5,6 +5,7 @@ Source: National Instruments, Specification for the LabVIEW Measurement File (.l
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
@@ -115,9 +116,9 @@ def _segments(path: Path, lines: Sequence[str]) -> tuple[Tags, list[_Segment], l
             tags, is_data = {}, False
         elif cells[0] == _X and segment is not None and not segment.names:
             segment.names, is_data = cells, True
-            for name in cells:
-                if cells.count(name) > 1:  # said of a column that is read
-                    fault = f"{path}: line {number}: expected one column '{name}', got {cells.count(name)}"
+            for name, times in Counter(cells).items():
+                if times > 1:  # said of a column that is read
+                    fault = f"{path}: line {number}: expected one column '{name}', got {times}"
                     segment.faults[name] = InputError(fault)
         elif is_data and segment is not None and not cells[0][:1].isalpha():
             if (width := 1 + max(segment.columns.values())) <= len(cells):
