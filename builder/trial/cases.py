@@ -196,17 +196,8 @@ class OverTime(Section):
 AIMS = (
     *("flagged_percent", "alarm_percent", "undetected_percent", "no_estimate_percent"),
     *("right_ok_percent", "right_flagged_percent", "wrong_flagged_percent"),
-    *(
-        "covered_percent",
-        "covered_1_percent",
-        "worst_set_percent",
-        "rms",
-        "bias",
-        "sigma",
-        "rms_z",
-        "rms_of_range",
-    ),
-    *("over_bound", "over_single", "over_exact"),
+    *("covered_percent", "covered_1_percent", "worst_set_percent"),
+    *("rms", "rms_z", "rms_of_range", "bias", "sigma", "over_bound", "over_single", "over_exact"),
 )
 """Columns of the table, of all loads together or of each load, that a case may aim at."""
 
