@@ -83,9 +83,9 @@ class Where(Section):
 
     @model_validator(mode="after")
     def _one_of_each(self) -> Where:
-        for one, other in (("altitude_km", "altitudes_km"), ("incidence", "incidence_deg")):
-            if getattr(self, one) is not None and getattr(self, other) is not None:
-                raise ValueError(f"expected {one} or {other}, got both")
+        for first, second in (("altitude_km", "altitudes_km"), ("incidence", "incidence_deg")):
+            if getattr(self, first) is not None and getattr(self, second) is not None:
+                raise ValueError(f"expected {first} or {second}, got both")
         return self
 
     @property

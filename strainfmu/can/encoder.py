@@ -74,7 +74,8 @@ class StrainEncoder:
         self._ticks: dict[int, int] = {}
         self._plans = [SignalPlan(frame.layout) for frame in layout.frames]
         self._first_of_flow = len(layout.strain_frames) + (layout.trailer is not None)
-        self._sent = [_holds_pressure(frame) for frame in layout.flow_frames]
+        quantities = [{signal.quantity for signal in frame.flow} for frame in layout.flow_frames]
+        self._sent = [DYNAMIC_PRESSURE in of_frame for of_frame in quantities]
 
     def begin(self) -> None:
         """Begin a new run, in which no result was heard yet."""
@@ -208,10 +209,6 @@ class StrainEncoder:
             freshness = freshness_of(self.trip, cycle)
             data = authenticated(data, layout.secured, self._layout.key, freshness=freshness)
         return frame_of(layout, data)
-
-
-def _holds_pressure(frame: InputFrame) -> bool:
-    return any(signal.quantity == DYNAMIC_PRESSURE for signal in frame.flow)
 
 
 def cycles_apart(frame: InputFrame, cycle_time: float) -> int:

@@ -85,14 +85,14 @@ class LogState:
     keys : of frames that may come on one channel alone.
     ends_early : reason, for a log that was not closed.
     backwards : number of frames with a time before the previous one; they count at the time of that one.
-    seen : channels of all frames.
+    channels : of all frames.
     """
 
     channel: str | None = None
     keys: frozenset[int] = frozenset()
     ends_early: str = ""
     backwards: int = 0
-    seen: set[str] = field(default_factory=set)
+    channels: set[str] = field(default_factory=set)
     _channels: dict[int, str] = field(default_factory=dict)
 
     def is_read(self, path: Path, frame: Frame, channel: str) -> bool:
@@ -103,7 +103,7 @@ class LogState:
         InputError
             None is stated, and it comes on two.
         """
-        self.seen.add(channel)
+        self.channels.add(channel)
         if self.channel is not None or frame.key not in self.keys:
             return self.channel in (None, channel)
         first = self._channels.setdefault(frame.key, channel)

@@ -30,7 +30,6 @@ from strainfmu.can.profiles import LARGEST_DYNAMIC_PRESSURE
 from strainfmu.can.quality import (
     LISTED_IDENTIFIERS,
     NUMBER_OF,
-    REASONS,
     BusState,
     Cause,
     FrameAccount,
@@ -155,10 +154,6 @@ class Result:
     def envelope_score(self) -> float:
         """Standard deviations by which the coefficients leave what the map covers [1]; NaN if not known."""
         return self.other_outputs.get(ENVELOPE_SCORE, nan)
-
-    def gauge_reasons(self) -> list[str]:
-        """Return why each gauge is not used, in words; "" for those that are."""
-        return [REASONS[reason] for reason in self.reasons.tolist()]
 
 
 _SET_LATER = frozenset(

@@ -120,11 +120,6 @@ class BridgeSettings(StatedLimits):
         return cls(**{limit.name: getattr(stated, limit.name) for limit in fields(StatedLimits)})
 
     @property
-    def accepts_restart(self) -> bool:
-        """A restarted sender needs no proof."""
-        return self.restart == "accept"
-
-    @property
     def recovery_cycles(self) -> int:
         """Cycles after the end of any fault on the bus within which results are VALID again.
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.can.machine import Result
-from strainfmu.can.quality import Cause
+from strainfmu.can.quality import REASONS, Cause
 from strainfmu.cosim.estimators.step import health_name
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimator import Estimator
@@ -196,8 +196,8 @@ def result_message(
         micro = [finite(value) for value in micro]
     not_used: dict[str, str] = {}
     if not result.valid.all():
-        reasons = result.gauge_reasons()
-        not_used = {name: reason for name, reason in zip(names, reasons, strict=True) if reason}
+        reasons = zip(names, result.reasons.tolist(), strict=True)
+        not_used = {name: REASONS[reason] for name, reason in reasons if REASONS[reason]}
     has_numbers = result.quality.has_coefficients
     loads = {name: finite(outputs.get(name)) if has_numbers else None for name in LOADS}
     loads_sigma = {name: finite(outputs.get(f"sigma.{name}")) if has_numbers else None for name in LOADS}

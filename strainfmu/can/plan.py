@@ -199,7 +199,7 @@ class Plan:
             "bits": dated.layout.signals[dated.sample_time or 0].length if is_dated else 1,
             "modulus": 0 if protection is None else protection.counter_modulus,
             "is_answered": is_answered,
-            "accepts": settings.accepts_restart,
+            "accepts": settings.restart == "accept",
             "is_protected": layout.is_protected,
             "is_authentic": layout.is_authenticated,
             "heal": settings.heal_cycles,

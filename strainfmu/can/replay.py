@@ -105,8 +105,9 @@ def replay_log(
     frames = log_frames(log, 0.0 if described is None else described["log_start"], state=state, progress=progress)
     first = next(frames, None)
     if first is None:
-        seen = f" on bus.log_channel {state.channel}, but on {', '.join(sorted(state.seen))}" if state.seen else ""
-        raise InputError(f"{log}: holds no frame{seen}")
+        channels = ", ".join(sorted(state.channels))
+        where = f" on bus.log_channel {state.channel}, but on {channels}" if channels else ""
+        raise InputError(f"{log}: holds no frame{where}")
     start = first[0].time if described is None else described["start"]
     counter = 0 if described is None else described["first_result"]
     machine, layouts, configuration, _ = make_machine(step, chosen, gauge_names, start=start, first=counter)

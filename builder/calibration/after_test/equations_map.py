@@ -87,8 +87,8 @@ class FittedEquations:
         projection = known @ np.linalg.pinv(known)
         rest, freedom = strain - projection @ strain, len(load) - known.shape[1] - 1
         alone = np.maximum(1.0 - np.diag(projection), ROUNDING)[:, None]
-        others = np.maximum((rest**2).sum(axis=0) - rest**2 / alone, 0.0) / max(freedom, 1)
-        is_rare = rest**2 > stdtrit(max(freedom, 1), RARE / rest.size) ** 2 * alone * others
+        variance = np.maximum((rest**2).sum(axis=0) - rest**2 / alone, 0.0) / max(freedom, 1)
+        is_rare = rest**2 > stdtrit(max(freedom, 1), RARE / rest.size) ** 2 * alone * variance
         is_unlike = is_rare & (np.abs(rest) > LEAST_UNLIKE * alone * np.abs(strain).max(axis=0))
         lines, names = np.array(self.test.line)[fitted], self.test.file.readings.gauges
         return {
@@ -150,12 +150,12 @@ def fit_equations(test: AppliedTest) -> FittedEquations:
     if empty:
         raise InputError(f"{table}: {empty[0]}: expected gauges whose T is 4 or more, got none")
     per_load = np.linalg.lstsq(of_load / size, change, rcond=None)[0].T / size
-    seen = _gain(equations, n_d) @ per_load
-    if np.linalg.matrix_rank(seen * size / size[:, None], tol=ROUNDING) < n_l:
+    coupling = _gain(equations, n_d) @ per_load
+    if np.linalg.matrix_rank(coupling * size / size[:, None], tol=ROUNDING) < n_l:
         raise InputError(
             f"{table}: expected gauges that read the {n_l} loads differently, got such that read some alike"
         )
-    per_load = per_load @ np.linalg.inv(seen)
+    per_load = per_load @ np.linalg.inv(coupling)
     left_out = np.column_stack([equation.left_out for equation in equations])
     return FittedEquations(
         test=test,

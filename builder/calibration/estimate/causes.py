@@ -231,8 +231,8 @@ class Evidence:
             size.append(scale)
         shape = len(self.model.std), parts[-1].stop
         columns = self._slope @ csr_array((np.concatenate(size), np.hstack(place)), shape=shape)
-        found = self._linear.terms(columns.tocsr(), parts)
-        return [(b, np.eye(len(a)) + a, std) for (b, a), std in zip(found, stds, strict=True)]
+        terms = self._linear.terms(columns.tocsr(), parts)
+        return [(b, np.eye(len(a)) + a, std) for (b, a), std in zip(terms, stds, strict=True)]
 
     def _of_noise(self) -> tuple[Cause, float]:
         before = self.model.noise_factor  # noise that was taken for larger before another cause was found

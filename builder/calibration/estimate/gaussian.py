@@ -272,9 +272,9 @@ class GaussianModel:
         ``columns``."""
         across = columns.T.tocsr()
         single, common, linear = across @ self._halves[0], across @ self._halves[1], across @ self.weighted
-        found = []
+        terms = []
         for part in parts:
-            own, seen = across[part], single[part]
-            square = (own @ own.T - seen @ seen.T).toarray() - common[part] @ common[part].T
-            found.append((linear[part], np.asarray(square)))
-        return found
+            row, by_single = across[part], single[part]
+            square = (row @ row.T - by_single @ by_single.T).toarray() - common[part] @ common[part].T
+            terms.append((linear[part], np.asarray(square)))
+        return terms

@@ -103,20 +103,20 @@ class NoiseModel:
         """
         if not self.terms[0].is_own:
             return None
-        own = np.sum([term.strain**2 for term in self.terms if term.is_own], axis=0)
-        root = np.sqrt(own)[:, None]
+        variance = np.sum([term.strain**2 for term in self.terms if term.is_own], axis=0)
+        root = np.sqrt(variance)[:, None]
         common = [term.strain / root for term in self.terms if not term.is_own]
-        return own, principal_columns([np.zeros((len(own), 0)), *common], UNSEEN)
+        return variance, principal_columns([np.zeros((len(variance), 0)), *common], UNSEEN)
 
     @cached_property
     def covariance(self) -> FloatArray:
         """(n_d, n_d) Gamma, the sum of all terms' covariances [(m/m)^2]."""
         if self._parts is None:
             return np.asarray(sum(term.covariance for term in self.terms))
-        own, columns = self._parts
-        root = np.sqrt(own)
+        variance, columns = self._parts
+        root = np.sqrt(variance)
         covariance = columns @ columns.T
-        covariance[np.diag_indices(len(own))] += 1.0
+        covariance[np.diag_indices(len(variance))] += 1.0
         return np.asarray(covariance * root * root[:, None])
 
     @cached_property
@@ -133,8 +133,8 @@ class NoiseModel:
         if self._parts is None:
             check_covariance(self.covariance)
             return inverse_root(self.covariance)
-        own, columns = self._parts
-        root, size = np.sqrt(own), np.linalg.norm(columns, axis=0)
+        variance, columns = self._parts
+        root, size = np.sqrt(variance), np.linalg.norm(columns, axis=0)
         weighted = (columns / size**2) * (1.0 - 1.0 / np.hypot(1.0, size))
 
         def whitened(rows: FloatArray) -> FloatArray:
@@ -145,16 +145,16 @@ class NoiseModel:
             return np.asarray(((rows - columns @ (weighted.T @ rows)).T / root).T)
 
         products = {"matvec": whitened, "matmat": whitened, "rmatvec": transposed, "rmatmat": transposed}
-        return LinearOperator((len(own), len(own)), **products, dtype=own.dtype)
+        return LinearOperator((len(variance), len(variance)), **products, dtype=variance.dtype)
 
     @cached_property
     def _precision(self) -> FloatArray:
         """(n_d,) the diagonal of Gamma^-1 [1/(m/m)^2]."""
         if self._parts is None:
             return np.asarray(np.sum(self.whitening**2, axis=0))
-        own, columns = self._parts
+        variance, columns = self._parts
         square = columns**2
-        return np.asarray((1.0 - square @ (1.0 / (1.0 + square.sum(axis=0)))) / own)
+        return np.asarray((1.0 - square @ (1.0 / (1.0 + square.sum(axis=0)))) / variance)
 
     def fractions(self) -> list[dict[str, Any]]:
         """Return, per term, its name, ``share`` tr(Gamma^-1 Gamma_term) / n_d of the whitened variance [1], and

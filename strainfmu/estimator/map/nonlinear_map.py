@@ -363,14 +363,14 @@ def with_known(manifold: ManifoldMap, value: FloatArray, std: FloatArray) -> Man
     assert tables is not None
     powers, n_d = tables.powers, manifold.n_gauges
     shift, weight, derivative = powers.known(value, std)
-    left = powers.remaining_errors(weight, derivative, tables.unit_error, tables.spread_error)
-    errors = np.hstack([tables.error, *left])
+    columns = powers.remaining_errors(weight, derivative, tables.unit_error, tables.spread_error)
+    errors = np.hstack([tables.error, *columns])
     response = manifold.response + np.tensordot(tables.slope, shift, axes=(2, 0))
     if surface is not None and surface.parameters is not None:
         changes, modes = surface.parameters, surface.modes.astype(float)
         spread = np.hstack([*changes.spread_error])
-        left = powers.remaining_errors(weight, derivative, changes.unit_error, changes.spread_error)
-        remaining = np.hstack(left)
+        columns = powers.remaining_errors(weight, derivative, changes.unit_error, changes.spread_error)
+        remaining = np.hstack(columns)
         change = modes @ (remaining @ remaining.T - spread @ spread.T)
         variance = surface.error_std**2 + np.einsum("pq,pq->p", change, modes)
         surface = replace(
