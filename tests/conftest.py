@@ -7,7 +7,7 @@ import os
 # Tests run in as many processes as there are processors; threads of BLAS on top would fight for them.
 # The setting acts on a numpy that is imported later.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-# Of functions that numba compiles: those of the flow solver are as fast, and ready in three quarters of the time.
+# A lower level of optimisation: numba compiles the flow solver faster, and its flows take as long.
 os.environ.setdefault("NUMBA_OPT", "1")
 os.environ["STRAINFMU_CACHE"] = ""  # a test finds nothing that another left
 

@@ -29,7 +29,7 @@ from strainfmu.flight_condition import (
 
 @dataclass(frozen=True)
 class ValidRange:
-    """A quantity from ``minimum`` to ``maximum`` [``unit``]; they are equal where it was held."""
+    """A quantity from ``minimum`` to ``maximum`` [``unit``]; both are equal where it was constant."""
 
     quantity: str
     minimum: float

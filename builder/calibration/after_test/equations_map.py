@@ -25,7 +25,7 @@ from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import ABSOLUTE, COEFFICIENT_NAMES, PER_PRESSURE, InverseMap
 
 LARGEST_STRAIN = 0.1
-"""Mean change of readings beyond which their unit is another one [m/m or V/V]."""
+"""Mean change of readings beyond which the stated unit must be wrong [m/m or V/V]."""
 
 WIDE = 1e3
 """Standard deviation of a load before a reading over the largest applied one, where no gauge is redundant."""
@@ -34,7 +34,8 @@ ROUNDING = 1e-6
 """Part of a load, or of a row's own say on its prediction, below which it is rounding."""
 
 LEAST_UNLIKE, RARE = 0.1, 1e-4
-"""Part of a gauge's largest change, and probability in a whole test, of a reading that is unlike the others."""
+"""A reading is named where its residual exceeds this part of the gauge's largest change, and is less probable than
+this in a whole test of sound readings."""
 
 FLOOR = 1e-3
 """Part of a gauge's residual that is taken for its own, so that few rows leave a covariance of full rank."""

@@ -93,7 +93,7 @@ def test_facet_quadrature_is_exact_to_its_degree(element_type: str) -> None:
 
 
 def element_stiffness(mesh: SolidMesh, number: int, quadrature: Any = None) -> np.ndarray:
-    """Return the stiffness (3 n_e, 3 n_e) of one element: that of a mesh which it is alone in."""
+    """Return the stiffness (3 n_e, 3 n_e) of one element, assembled from a mesh of this element alone."""
     alone = replace(mesh, element=mesh.element[[number]], region=mesh.region[[number]])
     dof = (3 * mesh.element[number][:, None] + np.arange(3)).ravel()
     return np.asarray(assemble_stiffness(alone, MATERIALS, quadrature).toarray()[np.ix_(dof, dof)])
