@@ -175,11 +175,11 @@ typedef struct {
 
 enum { SB_ANSWERS = 256 };
 
-/* A result that went out: the sample time that it answers and its own counter, which a sender names, when it was ready,
-   and the `unseen` of the state then. */
+/* A result that went out: the sample time that it answers and its own counter, which a sender names, the counter of the cycle
+   that it states, when it was ready, and the `unseen` of the state then. */
 typedef struct {
     int64_t ticks;
-    int32_t counter, padding;
+    int32_t counter, cycle;
     double ready, unseen;
 } SbAnswer;
 

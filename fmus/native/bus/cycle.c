@@ -136,8 +136,25 @@ static void measure_period(const SbPlan *p, SbState *s, double since, int steps)
     s->n_intervals = 0;
 }
 
-/* What the sender has heard by its state; nothing if the result that it names was not sent by this bridge. Of results that
-   look alike, whose counters have few bits, the oldest: a recording of this run may name it. */
+/* The oldest result that a sender of this profile can take for the one that answers the cycle of `ticks`; NULL for none. It
+   knows results that state no sample time by two counters, and looks for the cycle among its own: one of flipped bits, of
+   another run or of a recording may state the same counters within a round of them. */
+static const SbAnswer *oldest_alike(const SbPlan *p, const SbState *s, int64_t ticks, int counter) {
+    const SbAnswer *named = NULL;
+    for (int k = 0; k < SB_ANSWERS && named == NULL; k++) {
+        named = s->answer[k].ticks == ticks && s->answer[k].counter == counter ? &s->answer[k] : NULL;
+    }
+    for (int k = 0; k < SB_ANSWERS && named != NULL; k++) { /* the oldest first */
+        const SbAnswer *a = &s->answer[(s->n_answers + k) % SB_ANSWERS];
+        if (a == named || (a->counter == counter && a->cycle == named->cycle && a->ticks >= 0 &&
+                           named->ready - a->ready < (p->modulus - 0.5) * p->cycle)) {
+            return a;
+        }
+    }
+    return NULL;
+}
+
+/* What the sender has heard by its state; nothing if the result that it names was not sent by this bridge. */
 static Echo echo_of(const SbPlan *p, const SbState *s) {
     Echo echo = {0, 0, 0.0, 0.0, 0.0, 0};
     if (p->state < 0 || !slots_of(s)[p->state].here) {
@@ -152,12 +169,10 @@ static Echo echo_of(const SbPlan *p, const SbState *s) {
         return echo;
     }
     echo.is_named = 1;
-    for (int k = 0; k < SB_ANSWERS; k++) { /* the oldest first */
-        const SbAnswer *a = &s->answer[(s->n_answers + k) % SB_ANSWERS];
-        if (a->ticks == ticks && a->counter == counter) {
-            const double known = signal_is_code(p, delay, late) ? 0.0 : signal_value(delay, late) * delay->factor;
-            return (Echo){1, 1, a->ready, known, a->unseen, ticks};
-        }
+    const SbAnswer *a = oldest_alike(p, s, ticks, counter);
+    if (a != NULL) {
+        const double known = signal_is_code(p, delay, late) ? 0.0 : signal_value(delay, late) * delay->factor;
+        echo = (Echo){1, 1, a->ready, known, a->unseen, ticks};
     }
     return echo;
 }

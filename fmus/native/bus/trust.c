@@ -86,7 +86,8 @@ int sb_answer(const SbPlan *p, SbState *s, const double *now, int health, int is
     const int32_t counter = (p->first_result + s->n_results) % p->n_counters;
     s->n_results = (s->n_results + 1) % p->n_counters;
     if (r->sample_time >= 0) {
-        s->answer[s->n_answers] = (SbAnswer){.ticks = r->sample_time, .counter = counter, .ready = ready, .unseen = s->unseen};
+        s->answer[s->n_answers] = (SbAnswer){.ticks = r->sample_time, .counter = counter, .cycle = r->counter, .ready = ready,
+                                             .unseen = s->unseen};
         s->n_answers = (s->n_answers + 1) % SB_ANSWERS;
     }
     return 1;
