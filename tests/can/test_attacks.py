@@ -37,7 +37,7 @@ FOUND = (
     ("classic-le", 10491, "a restart that meets the clock of a recording"),
     ("classic-le", 30074, "a frozen sender, among cycles that come again"),
     ("classic-le", 40047, "a restart that meets the clock of a recording of the start before, 40 ms late"),
-    ("classic-le", 63_000_437, "flipped bits of a cycle of the run before, whose result seems to answer the new run"),
+    ("classic-le", 63_000_437, "flipped bits: a result of the run before seems to answer the new one"),
     ("fd64-sec", 3165, "the clock goes back while an old recording is let in"),
     ("fd64-sec", 3590, "the first frames of a restarted sender come together"),
     ("fd64-sec", 3652, "the clock goes back to its first second, under jitter"),
