@@ -27,6 +27,7 @@ import pytest
 from kept_results import folder_of_sources, kept_results
 from ogive import OGIVE
 from once import folder_of_run, once
+from sweeps import SLOW
 from synthetic_vehicle import SyntheticFiles, make_synthetic_files, synthetic_files
 from undrawn_figures import draw_nothing
 
@@ -169,23 +170,33 @@ Tests that take minutes hold the false alarms of the shipped map to the stated r
 """
 
 
+@pytest.fixture(scope="session")
+def is_quick(request: pytest.FixtureRequest) -> bool:
+    """Return whether the run is without tests that take minutes, for which nothing is changed."""
+    return not any(item.get_closest_marker("slow") for item in request.session.items)
+
+
 @pytest.fixture(scope="session", autouse=True)
-def kept_folder(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """Keep what many tests compute alike, for later runs in the cache of pytest; return the folder."""
+def kept_folder(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory, is_quick: bool
+) -> Iterator[Path]:
+    """Keep what many tests compute alike, for later runs in the cache of pytest; return the folder.
+
+    Flows of the shipped vehicle are those of a coarser grid.
+    """
     cache = getattr(request.config, "cache", None)
     parent = folder_of_run(tmp_path_factory) if cache is None else cache.mkdir("kept")
     folder = folder_of_sources(parent)
-    with kept_results(folder):
+    with kept_results(folder, is_coarse=is_quick):
         yield folder
 
 
 @pytest.fixture(scope="session", autouse=True)
-def few_samples(request: pytest.FixtureRequest) -> str:
+def few_samples(is_quick: bool) -> str:
     """Have builds draw few samples, reports judge few states; return the statements for another process."""
-    if any(item.get_closest_marker("slow") for item in request.session.items):
-        return ""
-    exec(LEVELS, {})
-    return LEVELS
+    if is_quick:
+        exec(LEVELS, {})
+    return LEVELS if is_quick else ""
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -211,7 +222,7 @@ sys.path.insert(0, {support!r})
 from kept_results import kept_results
 from strainfmu.cli.main import main
 {statements}
-with kept_results(Path({kept!r})):
+with kept_results(Path({kept!r}), is_coarse={is_coarse}):
     main()
 """
 
@@ -223,7 +234,7 @@ draw_nothing(setattr)
 
 
 @pytest.fixture(scope="session")
-def demonstration(kept_folder: Path, few_samples: str) -> Callable[..., None]:
+def demonstration(kept_folder: Path, few_samples: str, is_quick: bool) -> Callable[..., None]:
     """Return a function that runs the demonstration in its own process, of another vehicle without drawing.
 
     It leaves ``demo`` and ``printed.txt`` in ``folder``.
@@ -231,7 +242,9 @@ def demonstration(kept_folder: Path, few_samples: str) -> Callable[..., None]:
 
     def run_it(folder: Path, *arguments: str) -> None:
         statements = few_samples + (UNDRAWN if arguments else "")
-        program = DEMO.format(support=str(TESTS / "support"), kept=str(kept_folder), statements=statements)
+        program = DEMO.format(
+            support=str(TESTS / "support"), kept=str(kept_folder), statements=statements, is_coarse=is_quick
+        )
         command = [sys.executable, "-c", program, "demo", "-o", str(folder / "demo"), *arguments]
         finished = subprocess.run(command, capture_output=True, text=True, check=False)
         assert finished.returncode == 0, finished.stderr
@@ -262,6 +275,12 @@ def ic3x_demo(
 ) -> Path:
     """Return the folder of a finished demonstration of the shipped vehicle."""
     return once(tmp_path_factory, "ic3x", demonstration) / "demo"
+
+
+@pytest.fixture(params=["two thirds of the cells", pytest.param("all cells", marks=SLOW)])
+def demo_by_grid(ic3x_demo: Path) -> Path:
+    """Return the same, for tests that the slow ones repeat: there its flows have all of their cells."""
+    return ic3x_demo
 
 
 @pytest.fixture(scope="session")

@@ -32,12 +32,12 @@ FILES = (
 )
 
 
-def test_accuracy_of_the_flown_estimator(ic3x_demo: Path) -> None:
+def test_accuracy_of_the_flown_estimator(demo_by_grid: Path) -> None:
     """One vehicle, its hardware errors drawn: how many vehicles the sigmas hold is tested on many of them.
 
     As the first of the file it waits for the whole demonstration, a minute and more that many files share.
     """
-    recording = load_recording(ic3x_demo / "flight.h5")
+    recording = load_recording(demo_by_grid / "flight.h5")
     np.testing.assert_allclose(recording.time, np.arange(2001) * 0.01, atol=1e-12)
     score = score_flight(recording)
     of_range = score["rms_error_of_range"]
@@ -52,15 +52,15 @@ def test_accuracy_of_the_flown_estimator(ic3x_demo: Path) -> None:
     assert np.all(np.abs(estimate - truth) < 4.0 * sigma)
     # Bands that hold everything because they are huge would say nothing.
     assert np.all(np.array(list(score["mean_sigma"].values())) < [0.002, 0.0205, 0.0215, 0.0135, 0.0115])
-    with (ic3x_demo / "flight.csv").open(newline="") as stream:
+    with (demo_by_grid / "flight.csv").open(newline="") as stream:
         rows = list(csv.reader(stream))
     assert tuple(rows[0]) == ("time", *recording.names)
     np.testing.assert_allclose(np.array(rows[1:], dtype=float)[:, 1:], recording.values, rtol=1e-12)
 
 
-def test_both_estimators_are_in_one_table_and_one_figure(ic3x_demo: Path) -> None:
+def test_both_estimators_are_in_one_table_and_one_figure(demo_by_grid: Path) -> None:
     """The nonlinear one, which flies, errs at most two thirds as much as the linear one in every coefficient."""
-    summary = json.loads((ic3x_demo / "summary.json").read_text(encoding="utf-8"))
+    summary = json.loads((demo_by_grid / "summary.json").read_text(encoding="utf-8"))
     linear, flown = summary["estimators"]["linear"], summary["estimators"]["nonlinear"]
     for name in COEFFICIENT_NAMES:
         assert flown["rms_error"][name] == pytest.approx(summary["rms_error"][name])
@@ -68,18 +68,18 @@ def test_both_estimators_are_in_one_table_and_one_figure(ic3x_demo: Path) -> Non
     for name in ("angle_of_attack", "sideslip_angle"):
         assert flown["rms_error"][name] < np.radians(0.25)
         assert flown["coverage"][name] > 0.99
-    recording, made = load_recording(ic3x_demo / "flight.h5"), load_inverse_map(ic3x_demo / "map.h5")
+    recording, made = load_recording(demo_by_grid / "flight.h5"), load_inverse_map(demo_by_grid / "map.h5")
     assert list(flown_estimators(made.without_tables(), recording)) == ["linear"]
-    assert (ic3x_demo / "estimators.png").stat().st_size > 10_000
-    readme = (ic3x_demo / "README.txt").read_text(encoding="utf-8")
+    assert (demo_by_grid / "estimators.png").stat().st_size > 10_000
+    readme = (demo_by_grid / "README.txt").read_text(encoding="utf-8")
     assert "Linear and nonlinear estimator on the same strains" in readme
 
 
-def test_the_five_modes_hold_99_percent_of_the_energy_of_the_listed_angles(ic3x_demo: Path) -> None:
+def test_the_five_modes_hold_99_percent_of_the_energy_of_the_listed_angles(demo_by_grid: Path) -> None:
     """The paper states 99.1 % for five modes of its set P1; pressure at every roll angle needs more modes."""
-    listed = proper_orthogonal_decomposition(load_snapshots(ic3x_demo / "snapshots.h5").pressure)
+    listed = proper_orthogonal_decomposition(load_snapshots(demo_by_grid / "snapshots.h5").pressure)
     assert listed.energy[4] == pytest.approx(0.991, abs=0.005)
-    held = load_inverse_map(ic3x_demo / "map.h5").provenance["energy_of_modes"]
+    held = load_inverse_map(demo_by_grid / "map.h5").provenance["energy_of_modes"]
     assert held == pytest.approx(0.903, abs=0.005)
 
 

@@ -1,4 +1,5 @@
-"""The shipped vehicle's maps at full resolution: conditions that no snapshot is of, data of two models, faults.
+"""The shipped vehicle's maps: conditions that no snapshot is of, data of two models, faults. The slow tests are of
+flows at full resolution.
 
 Independent data: the model that flies in the demonstration, finer in flow, structure and surface than the one that
 the map was built on, solved at other Mach numbers and incidences. Same-mesh data: the map's own flow grid and
@@ -118,14 +119,14 @@ def test_three_sigma_of_a_shipped_map_cover_vehicles_as_built(
     vehicle: Vehicle,
     structure: StructuralModel,
     truth: tuple[TrueStructure, FlowTable],
-    ic3x_demo: Path,
+    demo_by_grid: Path,
 ) -> None:
     """50 conditions from 12 to 30 km at any roll angle, 10 vehicles at each, every one with errors of its own.
 
     99 % of each coefficient, nominal 99.73 %; bands at most half too wide; health OK in 99 %. A gauge that is off
     by 50 um/m is noticed in 99 %.
     """
-    inverse_map, random = shipped(vehicle, structure, ic3x_demo, case), np.random.default_rng(7)
+    inverse_map, random = shipped(vehicle, structure, demo_by_grid, case), np.random.default_rng(7)
     conditions = held_out_conditions(vehicle, truth[1], 50, random)
     flights = without_faint_harmonics(true_flights(vehicle, *truth, conditions))
     estimator, n = Estimator(inverse_map), inverse_map.n_gauges
@@ -161,25 +162,24 @@ def test_three_sigma_cover_each_coefficient_on_independent_data(
     vehicle: Vehicle,
     structure: StructuralModel,
     truth: tuple[TrueStructure, FlowTable],
-    ic3x_demo: Path,
+    demo_by_grid: Path,
 ) -> None:
     """300 conditions, 50 draws: 99 % of each coefficient, nominal 99.73 %; bands at most half too wide."""
     conditions = held_out(300)
-    error, sigma = errors(
-        published(vehicle, structure, ic3x_demo, entry), conditions, *independent_data(vehicle, truth, conditions)
-    )
+    inverse_map = published(vehicle, structure, demo_by_grid, entry)
+    error, sigma = errors(inverse_map, conditions, *independent_data(vehicle, truth, conditions))
     assert np.all((np.abs(error) < 3.0 * sigma[:, None]).mean(axis=(0, 1)) >= 0.99)
     assert np.all(np.sqrt(np.mean(error**2, axis=(0, 1))) > sigma.mean(axis=0) / 1.5)
 
 
 def test_the_published_map_on_the_manoeuvre(
-    vehicle: Vehicle, structure: StructuralModel, truth: tuple[TrueStructure, FlowTable], ic3x_demo: Path
+    vehicle: Vehicle, structure: StructuralModel, truth: tuple[TrueStructure, FlowTable], demo_by_grid: Path
 ) -> None:
     """Rms errors of C_N and C_Y below 0.6 % of their range, 3 sigma hold, and the bands are no wider than that."""
     trajectory = load_trajectory(vehicle.beside(vehicle.truth.manoeuvre))
     conditions = [trajectory.condition_at(time) for time in np.arange(0.0, 20.0, 0.2).tolist()]
     strain, coefficients = independent_data(vehicle, truth, conditions)
-    error, sigma = errors(published(vehicle, structure, ic3x_demo, {}), conditions, strain, coefficients)
+    error, sigma = errors(published(vehicle, structure, demo_by_grid, {}), conditions, strain, coefficients)
     rms = np.sqrt(np.mean(error**2, axis=(0, 1)))
     for name in ("C_N", "C_Y"):
         i = COEFFICIENT_NAMES.index(name)
@@ -191,12 +191,12 @@ def test_the_published_map_on_the_manoeuvre(
 
 
 def test_the_published_bound_does_not_cover(
-    vehicle: Vehicle, structure: StructuralModel, truth: tuple[TrueStructure, FlowTable], ic3x_demo: Path
+    vehicle: Vehicle, structure: StructuralModel, truth: tuple[TrueStructure, FlowTable], demo_by_grid: Path
 ) -> None:
     """Gauge noise alone in the covariance: 3 sigma hold less than half of the samples of every coefficient."""
     conditions = held_out(300)
     error, sigma = errors(
-        published(vehicle, structure, ic3x_demo, {}, model="paper"),
+        published(vehicle, structure, demo_by_grid, {}, model="paper"),
         conditions,
         *independent_data(vehicle, truth, conditions),
     )

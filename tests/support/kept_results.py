@@ -15,6 +15,7 @@ import shutil
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from hashlib import sha256
 from importlib.metadata import version
 from pathlib import Path
@@ -25,6 +26,7 @@ import numpy as np
 
 from builder.aero import shapes
 from builder.aero.engines import euler
+from builder.aero.euler.planes import MarchingGrid
 from builder.structure.as_built import revolved
 from builder.structure.fourier import strain_operator
 from strainfmu.errors import FlowReachError
@@ -99,13 +101,28 @@ def cached(folder: Path, arguments: object, compute: Callable[[], Any]) -> Any:
     return result
 
 
+FINE = 24
+"""Radial cells from which a grid is one of the shipped vehicle."""
+
+
+def coarser(grid: MarchingGrid) -> MarchingGrid:
+    """Return the grid, or one of two thirds of its cells each way if it is as fine as the shipped vehicle's."""
+    if grid.n_radial < FINE:
+        return grid
+    return replace(grid, n_radial=2 * grid.n_radial // 3, n_circumferential=2 * grid.n_circumferential // 3)
+
+
 @contextmanager
-def kept_results(folder: Path) -> Iterator[None]:
-    """Keep flows of bodies of revolution, strain per pressure of Fourier models and self-intersections."""
+def kept_results(folder: Path, is_coarse: bool) -> Iterator[None]:
+    """Keep flows of bodies of revolution, strain per pressure of Fourier models and self-intersections.
+
+    Flows of the shipped vehicle are marched on a :func:`coarser` grid if ``is_coarse``.
+    """
     folder.mkdir(parents=True, exist_ok=True)
 
-    def flow(*arguments: Any) -> Any:
-        return cached(folder, arguments, lambda: SOLVE_FLOW(*arguments))
+    def flow(body: Any, mach_number: float, incidence: float, grid: MarchingGrid) -> Any:
+        given = body, mach_number, incidence, coarser(grid) if is_coarse else grid
+        return cached(folder, given, lambda: SOLVE_FLOW(*given))
 
     def response(
         mesh: Any, material: Any, rows: Any, station_x: Any, max_harmonic: int, progress: Any = None
