@@ -115,6 +115,15 @@ def pytest_collection() -> Generator[None, object, object]:
         gc.enable()
 
 
+def pytest_runtest_setup() -> None:
+    """Freeze what is there again once a bridge, at its end, has let it go: the next one looks through all of it.
+
+    That takes more than a second where thousands of tests are known.
+    """
+    if gc.get_freeze_count() == 0:
+        gc.freeze()
+
+
 @pytest.hookimpl(tryfirst=True)  # before xdist reads the groups
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Keep together, where tests run in several processes, what shares fixtures: a file, or one of the folders."""

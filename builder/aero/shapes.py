@@ -5,7 +5,7 @@ Places where a triangulated surface cuts itself: an edge that pierces a triangle
 
 from __future__ import annotations
 
-from itertools import pairwise
+from itertools import chain, pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -173,6 +173,7 @@ def pierced_places(mesh: SurfaceMesh) -> FloatArray:
     corner = mesh.point[mesh.triangle]
     centroid = corner.mean(axis=1)
     reach = np.linalg.norm(corner - centroid[:, None], axis=2).max(axis=1)
+    normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
     size_class = np.floor(np.log2(np.maximum(reach / reach.max(), _CLASSES))).astype(int)
     places = []
     for which in np.unique(size_class):
@@ -180,8 +181,13 @@ def pierced_places(mesh: SurfaceMesh) -> FloatArray:
         tree = cKDTree(centroid[member])
         near = tree.query_ball_point(middle, half + float(reach[member].max()))
         owner = np.repeat(np.arange(len(edge)), [len(triangles) for triangles in near])
-        flat = np.fromiter((k for triangles in near for k in triangles), dtype=np.int64, count=len(owner))
-        triangle: IntArray = member[flat]
+        triangle: IntArray = member[np.fromiter(chain.from_iterable(near), dtype=np.int64, count=len(owner))]
+        height = [
+            np.einsum("ni,ni->n", mesh.point[edge[owner, end]] - corner[triangle, 0], normal[triangle])
+            for end in (0, 1)
+        ]
+        between = np.flatnonzero(height[0] * height[1] < 0.0)  # an end on either side of the triangle's plane
+        owner, triangle = owner[between], triangle[between]
         apart = ~_share_a_node(place[edge[owner]], corner_place[triangle])
         places.append(_crossings(mesh.point[edge[owner[apart]]], corner[triangle[apart]]))
     return np.concatenate(places)

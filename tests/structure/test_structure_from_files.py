@@ -14,6 +14,7 @@ from cad_files import write_step, write_stl
 from fmpy import read_model_description
 from installed_gmsh import gmsh_or_skip
 from small_ogive import small
+from sweeps import SLOW
 
 from builder.structure.solid.checks import largest_amplitude, reference_pressures
 from builder.structure.solid.mesh_checks import exact_wall
@@ -87,21 +88,26 @@ def test_a_step_file_reaches_an_fmu(run: Run, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (
+        pytest.param(
             ("wall_thickness_mm = 6.0", "wall_thickness_mm = 5.0"),
             "wall thickness of the mesh: expected 5 mm, got 6 mm",
+            marks=SLOW,
         ),
         (("end_x_m = 0.8", "end_x_m = 0.81"), "length of the mesh: expected 0.81 m, got 0.8 m"),
-        (
+        pytest.param(
             ("start_half_angle_deg = 20.0", "start_half_angle_deg = 21.0"),
             "outer radius of the mesh at x = 0.4",
+            marks=SLOW,
         ),
     ],
 )
 def test_a_mesh_of_another_body_is_named_as_such(
     run: Run, tmp_path: Path, change: tuple[str, str], words: str
 ) -> None:
-    """Which quantity, expected and found, in one line before anything is solved."""
+    """Which quantity, expected and found, in one line before anything is solved.
+
+    The other quantities by themselves: ``solid/checks/test_solid_layers.py``.
+    """
     pytest.importorskip("meshio")
     mesh = wall_file(load_vehicle(small(tmp_path)), tmp_path / "wall.vtu")
     changed, output = small(tmp_path, change), tmp_path / "structure.h5"

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 from structure_record import LENGTH, RADIUS, small_structure
+from undrawn_figures import draw_nothing
 
 from builder.structure.structure_file import save_structure
 from strainfmu.cli.inspection.files import inspect_artefact
@@ -22,7 +23,9 @@ def printed(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
     folder = tmp_path_factory.mktemp("structure")
     save_structure(small_structure(), folder / "structure.h5")
     out = StringIO()
-    inspect_artefact(folder / "structure.h5", folder / "figures", Console(file=out, width=120))
+    with pytest.MonkeyPatch.context() as patch:
+        draw_nothing(patch.setattr)
+        inspect_artefact(folder / "structure.h5", folder / "figures", Console(file=out, width=120))
     return out.getvalue(), folder
 
 

@@ -101,12 +101,12 @@ def cached(folder: Path, arguments: object, compute: Callable[[], Any]) -> Any:
     return result
 
 
-FINE = 24
-"""Radial cells from which a grid is one of the shipped vehicle."""
+FINE = 36
+"""Radial cells of the grid of the shipped vehicle's independent model."""
 
 
 def coarser(grid: MarchingGrid) -> MarchingGrid:
-    """Return the grid, or one of two thirds of its cells each way if it is as fine as the shipped vehicle's."""
+    """Return the grid, or one of two thirds of its cells each way if it is as fine as the independent model's."""
     if grid.n_radial < FINE:
         return grid
     return replace(grid, n_radial=2 * grid.n_radial // 3, n_circumferential=2 * grid.n_circumferential // 3)
@@ -116,7 +116,7 @@ def coarser(grid: MarchingGrid) -> MarchingGrid:
 def kept_results(folder: Path, is_coarse: bool) -> Iterator[None]:
     """Keep flows of bodies of revolution, strain per pressure of Fourier models and self-intersections.
 
-    Flows of the shipped vehicle are marched on a :func:`coarser` grid if ``is_coarse``.
+    Flows of the shipped vehicle's independent model are marched on a :func:`coarser` grid if ``is_coarse``.
     """
     folder.mkdir(parents=True, exist_ok=True)
 

@@ -68,7 +68,7 @@ def cone() -> ComparedWorld:
     return ComparedWorld(**parts, **how, snapshots=snapshots, map_structure=structure)
 
 
-@pytest.mark.parametrize("stated", [0.0, 1.0])
+@pytest.mark.parametrize("stated", sweep([0.0, 1.0], [1.0]))
 def test_estimators_are_scored_with_rolling_moment_field_and_air_data(cone: ComparedWorld, stated: float) -> None:
     names = ["linear Case 2", NONLINEAR, "nonlinear, q_inf only", "nonlinear, M and p_inf only", "Kalman filter"]
     how = {"over_time": {"steps": 5}, "air": {"drawn": True}, "tenths_by": ["mach_number"]}

@@ -58,11 +58,11 @@ def test_thick_wall_against_the_fourier_model() -> None:
 
     Two solid models and the Fourier model beside each take the seconds.
     """
+    cases = {layers: thick_case(MeshChoice(resolution="coarse", layers=layers)) for layers in (1, 2)}
+    strain = largest_amplitude(fourier_reference_strain(BODY, THICK, cases[1].layouts["hoop"]))
     error = {}
-    for layers in (1, 2):
-        case = thick_case(MeshChoice(resolution="coarse", layers=layers))
+    for layers, case in cases.items():
         found = solve_solid_structure(case, Silent())
-        strain = largest_amplitude(fourier_reference_strain(BODY, THICK, case.layouts["hoop"]))
         error[layers] = float((found.mesh_error / strain).max())
         assert (min(found.settings["locking"].values()) >= WARN_BELOW) == (layers == 2)
     assert error[1] > 0.02

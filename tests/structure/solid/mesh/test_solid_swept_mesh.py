@@ -183,6 +183,7 @@ def test_vehicle_agrees_with_the_fourier_model() -> None:
     assert hoop_and_axial[1:].max() < 0.01
 
 
+@pytest.mark.slow
 def test_paper_resolution_agrees_with_the_fourier_model() -> None:
     x = np.concatenate([np.linspace(0.15, 1.70, 16), np.linspace(1.80, 3.55, 16)])
     error, strain = strain_errors("paper", x)

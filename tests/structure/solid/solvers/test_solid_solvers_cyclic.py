@@ -100,6 +100,7 @@ def test_agrees_with_superlu_on_the_full_mesh(supports: Sequence[Support]) -> No
     assert largest_difference(cyclic_strain_operator(sector, rows, supports), reference) < 1e-8
 
 
+@pytest.mark.slow
 def test_vehicle_agrees_with_superlu_on_the_full_mesh() -> None:
     """The shipped vehicle, all gauges of its layout, about 20,000 dofs."""
     vehicle = load_vehicle(IC3X)
