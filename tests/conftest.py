@@ -115,12 +115,30 @@ def pytest_collection() -> Generator[None, object, object]:
         gc.enable()
 
 
-def pytest_runtest_setup() -> None:
-    """Freeze what is there again once a bridge, at its end, has let it go: the next one looks through all of it.
+LET_GO: list[bool] = []
+"""Not empty once a bridge, at its end, has let go what was frozen."""
 
-    That takes more than a second where thousands of tests are known.
+
+@pytest.fixture(scope="session", autouse=True)
+def noted_unfreeze() -> Iterator[None]:
+    unfreeze = gc.unfreeze
+
+    def noted() -> None:
+        unfreeze()
+        LET_GO.append(True)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(gc, "unfreeze", noted)
+        yield
+
+
+def pytest_runtest_setup() -> None:
+    """Freeze what is there again behind a bridge: the next one would look through all of it.
+
+    That takes more than a second where thousands of tests are known. To count what is frozen takes as long.
     """
-    if gc.get_freeze_count() == 0:
+    if LET_GO:
+        LET_GO.clear()
         gc.freeze()
 
 
