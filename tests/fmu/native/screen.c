@@ -16,6 +16,7 @@
 #define MAX_GAUGES 64
 
 static long tried, screened;
+static double z_scale[MAX_GAUGES]; /* (n_used) bias of a z of 1; 0 where no other gauge checks one */
 
 static double threshold_of(const Estimator *e) {
     const double scale = scalar_input(&e->inputs, ALARM_SCALE) * e->map.outlier_scale;
@@ -39,7 +40,7 @@ static void set_background(Estimator *e, double size) {
         random = (random * 1103515245u + 12345u) & 0x7FFFFFFFu;
         const double part = 2.0 * (double)random / 2147483647.0 - 1.0;
         const size_t gauge = e->linear.prepared.masked->used[k];
-        e->inputs.value[gauge] = e->map.mean_strain[gauge] + size * part * e->linear.prepared.masked->z_scale[k];
+        e->inputs.value[gauge] = e->map.mean_strain[gauge] + size * part * z_scale[k];
     }
 }
 
@@ -51,6 +52,7 @@ static void compare(Estimator *e) {
     *of_screen = -1e300; /* stays if the screen alone decides */
     const double *output = estimator_outputs(e);
     const MaskedMap *m = e->linear.prepared.masked;
+    const size_t *group = e->linear.prepared.group;
     exact_z(e, z);
     for (size_t k = 0; k < m->n_used; k++) {
         worst = fabs(z[k]) > largest ? k : worst;
@@ -58,9 +60,9 @@ static void compare(Estimator *e) {
     }
     const int above = largest > threshold_of(e);
     for (size_t k = 0; above && k < m->n_used; k++) {
-        suspects += m->group[k] == m->group[worst];
+        suspects += group[k] == group[worst];
     }
-    const double gauge = above ? (double)(m->used[m->group[worst]] + 1) : 0.0;
+    const double gauge = above ? (double)(m->used[group[worst]] + 1) : 0.0;
     tried++;
     screened += *of_screen == -1e300;
     if (output[SUSPECT_GAUGE] != gauge || output[SUSPECTS] != (double)suspects) {
@@ -80,9 +82,19 @@ static double z_of(Estimator *e, size_t k, double bias) {
     return fabs(z[k]);
 }
 
+/* The strains are those of the mean state. */
+static void set_scales(Estimator *e) {
+    const double bias = 1e-3;
+    for (size_t k = 0; k < e->linear.prepared.masked->n_used; k++) {
+        const double z = z_of(e, k, bias);
+        z_scale[k] = z > 0.0 ? bias / z : 0.0;
+        z_of(e, k, 0.0);
+    }
+}
+
 /* Biases on both sides of the one at which gauge k crosses the threshold. */
 static void scan(Estimator *e, size_t k) {
-    double low = 0.0, high = 100.0 * threshold_of(e) * e->linear.prepared.masked->z_scale[k];
+    double low = 0.0, high = 100.0 * threshold_of(e) * z_scale[k];
     if (!(z_of(e, k, high) > threshold_of(e))) { /* no other gauge checks this one */
         return;
     }
@@ -118,7 +130,7 @@ int main(int argc, char **argv) {
             e->inputs.value[n + ALARM_SCALE] = SCALES[s];
             memcpy(e->inputs.value, e->map.mean_strain, n * sizeof *e->inputs.value);
             compare(e);
-            prepared_groups(&e->linear.prepared);
+            set_scales(e);
             for (size_t k = 0; k < e->linear.prepared.masked->n_used; k++) {
                 set_background(e, (double)(k % 3) * sqrt(SCALES[s]));
                 scan(e, k);

@@ -138,7 +138,7 @@ static void write_gauges(const Estimator *e, double *used, double *suspect) {
     /* The first suspect is the one that its group is numbered by. */
     const MaskedMap *m = e->linear.prepared.masked;
     for (size_t k = 0; k < m->n_used; k++) {
-        if (m->used[m->group[k]] == first - 1) {
+        if (m->used[e->linear.prepared.group[k]] == first - 1) {
             suspect[m->used[k]] = 1.0;
         }
     }

@@ -83,11 +83,12 @@ FOR_AVX2_AS(int, may_exceed, (Linear *linear, double threshold), (linear, thresh
 /* Set the outputs for the gauge in use of that index. */
 static void name_suspects(Linear *linear, size_t worst) {
     const MaskedMap *m = linear->prepared.masked;
+    const size_t *group = linear->prepared.group;
     size_t suspects = 0;
     for (size_t k = 0; k < m->n_used; k++) {
-        suspects += m->group[k] == m->group[worst];
+        suspects += group[k] == group[worst];
     }
-    linear->output[SUSPECT_GAUGE] = (double)(m->used[m->group[worst]] + 1);
+    linear->output[SUSPECT_GAUGE] = (double)(m->used[group[worst]] + 1);
     linear->output[SUSPECTS] = (double)suspects;
 }
 
@@ -111,7 +112,7 @@ static void set_suspects(Linear *linear, double threshold) {
         }
     }
     if (largest > threshold) {
-        prepared_groups(&linear->prepared, worst);
+        prepared_group(&linear->prepared, worst);
         name_suspects(linear, worst);
     }
 }

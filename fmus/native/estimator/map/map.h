@@ -125,15 +125,13 @@ typedef struct {
 
 /* What follows from the covariance of the gauges, which update/added_noise.c makes. */
 typedef struct {
-    double *residual_triangle;         /* of W */
     double *noise_whitening;           /* L^-1 by rows of its lower triangle */
-    double *min_precision;             /* (n_gauges) P_ii that is round-off */
     double *whitening;                 /* (n_gauges, n_gauges) V', a row for each gauge */
     double *singular;                  /* (n_gauges) S */
     double *load;                      /* (n_gauges, 5) loads of each direction; the gain of each in form "absolute", */
     double *noise_left, *prior_left;   /* (n_gauges, 5) and what noise and prior leave of the loads by it: in that form alone */
     double *unseen;                    /* (5, 5) R */
-    double *form_min_precision;        /* (n_gauges) as min_precision, by the errors that do not scale */
+    double *min_precision;             /* (n_gauges) P_ii that is round-off, by the errors that do not scale */
     double *other_load, *other_unseen; /* (n_gauges, n_loads), (n_loads) the same of loads in addition to the five */
 } NoiseMatrices;
 

@@ -10,13 +10,9 @@
    Gamma (`whole`) itself. The parts make, in this order:
 
        ROOT                 L^-1, noise_whitening
-       COMPLEMENT           R of the complement W, P = W' W of Case 1 or [A A' + Gamma]^-1 of Case 2; smallest P_ii that counts
-       DIRECTIONS .. LOADS  V, S, F, R of eq:scaled-decomposition
+       DIRECTIONS .. LOADS  V, S, F, R of eq:scaled-decomposition; smallest P_ii that counts
        FIXED_LOADS          gain and what it leaves, of form "absolute"
 
-   P is the precision of strain that prepared.c needs for the gauges in use. A Householder decomposition of [I;
-   L^-1 A] (I for a standard normal state, 0 for a free one) turns [0; L^-1] into rows that the states explain and
-   rows W below them: then W' W = P. docs/explanation/theory.md, "Missing and suspect gauges", and
    docs/explanation/dynamic_pressure.md; strainfmu/estimator/reference/update.py, prepare, is the same by an SVD.
 
    Parts take about WORK multiplications of renewal.c each, so that a step has a bounded time. The map keeps its
@@ -51,8 +47,8 @@
    and gives the same bits on every platform (triangles.c). docs/explanation/dynamic_pressure.md, "Weights at
    any dynamic pressure"; prepare in strainfmu/estimator/reference/update.py. */
 
-/* Scratch: [L^-1 A, L^-1 N, L^-1] by columns; the rows [K, Q_2' L^-1] below the free states; two triangles of a root
-   that is not kept; loads of five rows; scratch of orthogonal_rows. */
+/* The scratch `large`: L at first; then [L^-1 A, L^-1 N, L^-1] by columns; the rows [K, Q_2' L^-1] below the free states;
+   two triangles of a root that is not kept; loads of five rows; scratch of orthogonal_rows. */
 static size_t pressure_directions_doubles(const Map *map) {
     const size_t n = map->n_gauges;
     return n * (map->form.n_free + 2 * n) + 2 * n * n + n * (n + 1) + 2 * N_LOADS * n + orthogonal_rows_doubles(n, 2 * n);
@@ -214,7 +210,7 @@ static int pressure_directions_begin(AddedNoise *noise) {
     LoadRows loads[2];
     list_loads(noise, &parts, loads);
     for (size_t i = 0; i < n; i++) {
-        noise->made->form_min_precision[i] = file->min_information / own_covariance(noise, i * n + i);
+        noise->made->min_precision[i] = file->min_information / own_covariance(noise, i * n + i);
     }
     const double *inverse = errors_whitening(noise, &parts);
     if (inverse == NULL) {
@@ -375,14 +371,7 @@ static void fixed_loads(AddedNoise *noise) {
 }
 
 /* The parts in their order; the last two are ends. */
-enum { ROOT, COMPLEMENT, DIRECTIONS, TURNS, LOADS_OF_DIRECTIONS, FIXED_LOADS, MADE, NO_COVARIANCE };
-
-/* The scratch `large` holds L, then [I or 0, 0; L^-1 A, L^-1], of order n_states + n_gauges by columns, then what
-   the directions need. */
-static size_t large_doubles(const Map *map) {
-    const size_t order = map->n_states + map->n_gauges, directions = pressure_directions_doubles(map);
-    return order * order > directions ? order * order : directions;
-}
+enum { ROOT, DIRECTIONS, TURNS, LOADS_OF_DIRECTIONS, FIXED_LOADS, MADE, NO_COVARIANCE };
 
 static size_t n_other(const AddedNoise *noise) {
     return noise->other_loads == NULL ? 0 : noise->other_loads->map.n_loads;
@@ -390,10 +379,9 @@ static size_t n_other(const AddedNoise *noise) {
 
 static void matrices_arrays(const Map *map, size_t others, NoiseMatrices *set, Room *room) {
     const size_t n = map->n_gauges, triangle = n * (n + 1) / 2;
-    TAKE(room, triangle, &set->residual_triangle, &set->noise_whitening);
-    set->min_precision = taken(room, n);
+    set->noise_whitening = taken(room, triangle);
     set->whitening = taken(room, n * n);
-    TAKE(room, n, &set->singular, &set->form_min_precision);
+    TAKE(room, n, &set->singular, &set->min_precision);
     TAKE(room, N_LOADS * n, &set->load, &set->noise_left, &set->prior_left);
     set->unseen = taken(room, N_LOADS * N_LOADS);
     set->other_load = taken(room, n * others);
@@ -411,40 +399,10 @@ void added_noise_arrays(const Map *map, AddedNoise *noise, Room *room) {
         matrices_arrays(map, n_other(noise), &noise->set[k], room);
     }
     noise->added = taken(room, n * n);
-    noise->large = taken(room, large_doubles(map));
-    noise->head = taken(room, 2 * (map->n_states + n));
+    noise->large = taken(room, pressure_directions_doubles(map));
+    noise->head = taken(room, 2 * n);
     noise->square = taken(room, n * n);
     noise->rows = taken(room, 2 * N_LOADS * n); /* X' and B */
-}
-
-/* Householder reflections of [I; L^-1 A], or of [0; L^-1 A] where no state has a prior, applied to [0; L^-1]. The
-   rows of the latter below the states' are W; residual_triangle takes its R, which has the same W' W. */
-static void set_complement(AddedNoise *noise) {
-    const Map *file = &noise->file;
-    const size_t n = file->n_gauges, states = file->n_states, order = n + states;
-    double *a = noise->large, *triangle = noise->made->residual_triangle;
-    memset(a, 0, order * order * sizeof *a);
-    for (size_t c = 0; c < states; c++) {
-        a[c * order + c] = file->known_prior ? 1.0 : 0.0;
-        for (size_t i = 0; i < n; i++) {
-            a[c * order + states + i] =
-                dot(i + 1, noise->made->noise_whitening + triangle_column(i), file->state_operator + c * n);
-        }
-    }
-    for (size_t j = 0; j < n; j++) {
-        for (size_t i = j; i < n; i++) {
-            a[(states + j) * order + states + i] = noise->made->noise_whitening[triangle_column(i) + j];
-        }
-    }
-    /* Eliminate the states: n rows stay that they do not explain. */
-    householder_columns(noise->wide, order, states, order, a, noise->head);
-    for (size_t j = 0; j < n; j++) {
-        memcpy(noise->square + j * n, a + (states + j) * order + states, n * sizeof *a);
-    }
-    householder_triangle(noise->wide, n, n, noise->square);
-    for (size_t j = 0; j < n; j++) {
-        memcpy(triangle + triangle_column(j), noise->square + j * n, (j + 1) * sizeof *a);
-    }
 }
 
 /* Gamma and the inverse of its root L. Only the lower triangle is filled in, which is all that the root reads. 0
@@ -465,19 +423,6 @@ static int set_root(AddedNoise *noise) {
         }
     }
     return lower_root(n, noise->square, noise->large, noise->made->noise_whitening);
-}
-
-/* A P_ii below this part of (Gamma^-1)_ii is rounding: no other gauge checks the gauge then. */
-static void set_min_precision(AddedNoise *noise) {
-    const size_t n = noise->file.n_gauges;
-    NoiseMatrices *made = noise->made;
-    memset(made->min_precision, 0, n * sizeof *made->min_precision);
-    for (size_t i = 0; i < n; i++) {
-        for (size_t j = 0; j <= i; j++) {
-            const double weight = made->noise_whitening[triangle_column(i) + j];
-            made->min_precision[j] += noise->file.min_information * (weight * weight);
-        }
-    }
 }
 
 void added_noise_begin(AddedNoise *noise) {
@@ -503,10 +448,6 @@ int added_noise_part(AddedNoise *noise, size_t work) {
     switch (noise->stage) {
     case ROOT:
         good = set_root(noise);
-        break;
-    case COMPLEMENT:
-        set_complement(noise);
-        set_min_precision(noise);
         break;
     case DIRECTIONS:
         good = pressure_directions_begin(noise);

@@ -283,7 +283,7 @@ static void set_factors(Scaled *scaled, Interval *interval) {
    gauge is open where the bound does not show on which side of round-off its P_ii lies. */
 int current_errors_set_bound(const Scaled *scaled, const Interval *interval, size_t n_lost, double *restrict bound) {
     const size_t n = scaled->map->n_gauges, whole = dense_rows(n);
-    const double *restrict round_off = scaled->map->made->form_min_precision;
+    const double *restrict round_off = scaled->map->made->min_precision;
     int known = 1;
     for (size_t i = 0; i < n; i++) {
         const double size = scaled->size[i], largest = interval->margin[i] * size;

@@ -223,8 +223,7 @@ double low_rank_information(Scaled *scaled, const MaskedMap *masked) {
     return smallest * smallest;
 }
 
-/* Whether the leave-one-out residuals of two gauges in use are correlated beyond the limit. */
-static int correlated(const Scaled *scaled, size_t i, size_t j) {
+int low_rank_correlated(const Scaled *scaled, size_t i, size_t j) {
     const LowRank *low = &scaled->low;
     const size_t order = low->order;
     const double product = dot(order, low->nominal_along + i * order, low->nominal_along + j * order);
@@ -235,31 +234,11 @@ static int correlated(const Scaled *scaled, size_t i, size_t j) {
         && covariance * covariance >= limit * limit * squares;
 }
 
-/* From the worst gauge on, those that a member of the group is correlated with join it. */
-void low_rank_group(Scaled *scaled, MaskedMap *masked, size_t worst) {
+void low_rank_set_precisions(Scaled *scaled, const MaskedMap *masked) {
     LowRank *low = &scaled->low;
-    const size_t in_group = scaled->map->n_gauges; /* of members, before their first is known */
-    size_t *group = masked->group, *member = scaled->step.lost, members = 1, first = worst;
     if (low->grouped != masked->number) {
         low_rank_nominal(scaled, masked->mask, low->nominal_weight);
         low_rank_nominal_precision(scaled);
         low->grouped = masked->number;
-    }
-    for (size_t k = 0; k < masked->n_used; k++) {
-        group[k] = k;
-    }
-    group[worst] = in_group;
-    member[0] = worst;
-    for (size_t next = 0; next < members; next++) {
-        for (size_t k = 0; k < masked->n_used; k++) {
-            if (group[k] != in_group && correlated(scaled, masked->used[member[next]], masked->used[k])) {
-                group[k] = in_group;
-                member[members++] = k;
-                first = k < first ? k : first;
-            }
-        }
-    }
-    for (size_t k = 0; k < members; k++) {
-        group[member[k]] = first;
     }
 }

@@ -19,20 +19,21 @@
 /* What a step needs of a map for the gauges in use, once per set: whether they identify the state, thresholds, and
    which gauges cannot be distinguished.
 
-   P (n, n) = W' W is the precision of strain with all gauges, R of W = Q R is residual_triangle (added_noise.c).
-   With the columns of the missing gauges M first and the gauges in use K behind them,
+   W = D^-1/2 V at the nominal dynamic pressure (scaled_form.c at s = 1) has a row of zeros for each free state, and P (n, n)
+   = W' W is the precision of strain with all gauges. With the columns of the missing gauges M first and the gauges in use K
+   behind them,
 
-       [W_M W_K] = Q [R_MM R_MK; 0 R_KK],
+       [W_M W_K] = Q [R_MM X; 0 W_rest],
 
-   R_KK' R_KK is the precision of the gauges in use, the missing ones being marginalised (docs/explanation/theory.md,
+   W_rest' W_rest is the precision of the gauges in use, the missing ones being marginalised (docs/explanation/theory.md,
    "Missing and suspect gauges": P_KK - P_KM P_MM^-1 P_MK). Without a prior the information that the gauges in use
    have on a state, over the information of all gauges, is (in the worst state) the square of the smallest singular
    value of R_MM r^-1, where r is the R of L^-1 of the missing gauges alone: R_MM measures what the others do not
    explain of a missing gauge, r its own noise. Below min_information the state counts as not identified.
 
    Correlation of two leave-one-out residuals: (P_K)_ij / sqrt(P_ii P_jj). Gauges of a correlation of nearly 1 cannot
-   be distinguished and form a group; the relation is continued through a third gauge. Triangle and groups are made
-   when a suspect needs them; a step without one does with the first n_missing columns. */
+   be distinguished and form a group; the relation is continued through a third gauge. W_rest and the group of a suspect are
+   made when there is one; a step without does with the first n_missing columns. */
 
 /* The missing gauges, then those in use, both ascending: the order of the columns. The result is the number of the
    missing. */
@@ -53,18 +54,22 @@ static size_t missing_first(Prepared *prepared) {
     return missing;
 }
 
-/* The first columns of the R of W in another order of the gauges, from the packed R: the reflections act on columns
-   of R, which are shorter than columns of W. */
-static void reordered_triangle(Prepared *prepared, size_t columns) {
-    const size_t n = prepared->map->n_gauges, *order = prepared->order;
-    const double *packed = prepared->map->made->residual_triangle;
-    double *a = prepared->first;
-    for (size_t j = 0; j < columns; j++) {
-        const size_t height = order[j] + 1;
-        memcpy(a + j * n, packed + triangle_column(order[j]), height * sizeof *a);
-        memset(a + j * n + height, 0, (n - height) * sizeof *a);
+/* R_MM, and W_rest of so many columns in all, in prepared->first. */
+static void eliminate_missing(Prepared *prepared, size_t n_missing, size_t columns) {
+    const Map *map = prepared->map;
+    const size_t n = map->n_gauges;
+    double *root = prepared->second;
+    for (size_t a = 0; a < n; a++) {
+        const double size = map->made->singular[a];
+        root[a] = a < map->form.n_free ? 0.0 : sqrt(1.0 / (1.0 + size * size));
     }
-    householder_triangle(prepared->noise.wide, n, columns, a);
+    for (size_t j = 0; j < columns; j++) {
+        const double *column = map->made->whitening + prepared->order[j] * n;
+        for (size_t a = 0; a < n; a++) {
+            prepared->first[j * n + a] = root[a] * column[a];
+        }
+    }
+    householder_columns(prepared->noise.wide, n, n_missing, columns, prepared->first, NULL);
 }
 
 /* A lower bound of the smallest singular value of a triangle T: 1 / |T^-1|_F, an inverse column at a time. 0 where T
@@ -133,60 +138,72 @@ static int identifies(Prepared *prepared, size_t n_missing) {
     return information >= map->min_information;
 }
 
-/* R_KK, and 1 / sqrt(P_ii) of each gauge in use; 0 where P_ii is rounding, so that no other gauge checks this one. */
-static void set_residual(Prepared *prepared, size_t n_missing) {
-    const Map *map = prepared->map;
-    MaskedMap *masked = prepared->masked;
-    const size_t n = map->n_gauges;
-    reordered_triangle(prepared, n);
-    for (size_t k = 0; k < masked->n_used; k++) {
-        double *column = masked->triangle + triangle_column(k);
-        memcpy(column, prepared->first + (n_missing + k) * n + n_missing, (k + 1) * sizeof *column);
-        const double precision = dot(k + 1, column, column);
-        const int checked = precision > map->made->min_precision[masked->used[k]];
-        masked->z_scale[k] = checked ? 1.0 / sqrt(precision) : 0.0;
+/* W_rest, and the P_ii of the gauges in use. */
+static void set_precisions(Prepared *prepared) {
+    const size_t n = prepared->map->n_gauges, n_missing = missing_first(prepared), n_used = prepared->masked->n_used;
+    eliminate_missing(prepared, n_missing, n);
+    for (size_t k = 0; k < n_used; k++) {
+        const double *column = prepared->first + (n_missing + k) * n + n_missing;
+        prepared->second[k] = dot(n_used, column, column);
     }
 }
 
-/* Put gauges together whose z are correlated beyond the limit, directly or through others. */
-static void set_groups(const Map *map, MaskedMap *masked) {
-    size_t *group = masked->group;
-    for (size_t j = 0; j < masked->n_used; j++) {
-        group[j] = j;
-        for (size_t i = 0; i < j; i++) {
-            const double product =
-                dot(i + 1, masked->triangle + triangle_column(i), masked->triangle + triangle_column(j));
-            const double correlation = product * (masked->z_scale[i] * masked->z_scale[j]);
-            if (fabs(correlation) < map->ambiguous_correlation || group[i] == group[j]) {
-                continue;
-            }
-            /* Join the two groups under the smaller number, which is a member's. */
-            const size_t first = group[i] < group[j] ? group[i] : group[j];
-            const size_t other = group[i] < group[j] ? group[j] : group[i];
-            for (size_t k = 0; k <= j; k++) {
-                group[k] = group[k] == other ? first : group[k];
+/* Whether the z of two gauges in use, by their places among these, are correlated beyond the limit. A P_ii of the size of
+   rounding means that no other gauge checks this one. */
+static int correlated(const Prepared *prepared, size_t i, size_t j) {
+    const Map *map = prepared->map;
+    const MaskedMap *m = prepared->masked;
+    const size_t n = map->n_gauges, n_missing = n - m->n_used;
+    if (map->has_low_rank) {
+        return low_rank_correlated(prepared->scaled, m->used[i], m->used[j]);
+    }
+    const double *rest = prepared->first + n_missing * n + n_missing, *precision = prepared->second;
+    const double product = dot(m->n_used, rest + i * n, rest + j * n);
+    const double limit = map->ambiguous_correlation, *least = map->made->min_precision;
+    return precision[i] > least[m->used[i]] && precision[j] > least[m->used[j]]
+        && product * product >= limit * limit * (precision[i] * precision[j]);
+}
+
+/* From the worst gauge on, those that a member of the group is correlated with join it. */
+void prepared_group(Prepared *prepared, size_t worst) {
+    const MaskedMap *m = prepared->masked;
+    const size_t in_group = prepared->map->n_gauges; /* of members, before their first is known */
+    size_t *group = prepared->group, *member = prepared->order, members = 1, first = worst;
+    if (prepared->grouped == m->number && prepared->worst == worst) {
+        return;
+    }
+    if (prepared->map->has_low_rank) {
+        low_rank_set_precisions(prepared->scaled, m);
+    } else {
+        set_precisions(prepared);
+    }
+    for (size_t k = 0; k < m->n_used; k++) {
+        group[k] = k;
+    }
+    group[worst] = in_group;
+    member[0] = worst;
+    for (size_t next = 0; next < members; next++) {
+        for (size_t k = 0; k < m->n_used; k++) {
+            if (group[k] != in_group && correlated(prepared, member[next], k)) {
+                group[k] = in_group;
+                member[members++] = k;
+                first = k < first ? k : first;
             }
         }
     }
-}
-
-void prepared_groups(Prepared *prepared, size_t worst) {
-    if (prepared->map->has_low_rank) {
-        low_rank_group(prepared->scaled, prepared->masked, worst);
-    } else if (!prepared->masked->grouped) {
-        set_residual(prepared, missing_first(prepared));
-        set_groups(prepared->map, prepared->masked);
-        prepared->masked->grouped = 1;
+    for (size_t k = 0; k < members; k++) {
+        group[member[k]] = first;
     }
+    prepared->grouped = m->number;
+    prepared->worst = worst;
 }
 
 static void prepare_masked(Prepared *prepared) {
     const Map *map = prepared->map;
     MaskedMap *masked = prepared->masked;
     const size_t n_missing = missing_first(prepared);
-    masked->grouped = 0;
     if (!map->has_low_rank) {
-        reordered_triangle(prepared, n_missing);
+        eliminate_missing(prepared, n_missing, n_missing);
     }
     masked->identified = identifies(prepared, n_missing);
     if (!masked->identified) {
@@ -202,10 +219,7 @@ void prepared_arrays(Map *map, size_t n_strains, Prepared *prepared, Room *room)
     prepared->map = map;
     for (int k = 0; k < CACHED_MASKS; k++) {
         MaskedMap *masked = &prepared->cache[k];
-        masked->triangle = map->has_low_rank ? NULL : taken(room, triangle_column(n));
-        masked->z_scale = taken(room, n);
         masked->used = piece(room, n, sizeof *masked->used);
-        masked->group = piece(room, n, sizeof *masked->group);
         masked->mask = piece(room, n, 1);
     }
     prepared->mask = piece(room, n, 1);
@@ -213,6 +227,7 @@ void prepared_arrays(Map *map, size_t n_strains, Prepared *prepared, Room *room)
         TAKE(room, n * n, &prepared->first, &prepared->second, &prepared->third);
     }
     prepared->order = piece(room, n, sizeof *prepared->order);
+    prepared->group = piece(room, n, sizeof *prepared->group);
     added_noise_arrays(map, &prepared->noise, room);
     prepared->n_strains = n_strains;
     TAKE(room, n_strains + 1, &prepared->noise_std, &prepared->next_std);

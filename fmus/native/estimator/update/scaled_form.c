@@ -339,7 +339,7 @@ void scaled_standardised_residuals(Scaled *scaled, double *z) {
     for (size_t k = 0; k < m->n_used; k++) {
         const size_t gauge = m->used[k];
         const double precision = precisions[gauge];
-        const int checked = precision > scaled->map->made->form_min_precision[gauge];
+        const int checked = precision > scaled->map->made->min_precision[gauge];
         z[gauge] = checked ? slope[gauge] / sqrt(precision) : 0.0;
     }
 }

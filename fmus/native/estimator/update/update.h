@@ -63,10 +63,6 @@ typedef struct {
     size_t n_used;
     int identified;          /* whether they identify the state; if not, what follows is not set */
     size_t *used;            /* (n_used) their indices among all gauges */
-    double *triangle;        /* of W, packed, of order n_used */
-    double *z_scale;         /* (n_used) 1 / sqrt(P_ii), 0 where no other gauge checks this one */
-    int grouped;             /* whether triangle, z_scale and group are set, which a suspect needs alone */
-    size_t *group;           /* (n_used) the first of the gauges from which each cannot be distinguished */
     double chi_square_limit, outlier_threshold;
 } MaskedMap;
 
@@ -84,14 +80,16 @@ typedef struct {
     MaskedMap cache[CACHED_MASKS];
     unsigned long last_use[CACHED_MASKS], uses; /* 0 for an empty entry */
     unsigned char *mask; /* (n_gauges) gauges in use in this step */
+    size_t *group;         /* (n_used) the first of the gauges from which each cannot be distinguished, itself outside the */
+    size_t worst;          /* group of the gauge of this place among those in use, */
+    unsigned long grouped; /* in the set of this number; 0 for none */
     /* Scratch of one set after another. */
     double *first, *second, *third; /* (n_gauges, n_gauges) */
     size_t *order;                  /* (n_gauges) gauges, the missing first */
 } Prepared;
 
-/* Set the groups of gauges that cannot be distinguished, if they are not; of a map with many gauges the group of `worst`,
-   a place among those in use. */
-void prepared_groups(Prepared *prepared, size_t worst);
+/* Set prepared->group for a gauge, by its place among those in use. */
+void prepared_group(Prepared *prepared, size_t worst);
 
 /* Hand out the arrays of a map with n_strains strain gauges; noise.other_loads is set. */
 void prepared_arrays(Map *map, size_t n_strains, Prepared *prepared, Room *room);
@@ -346,10 +344,11 @@ void low_rank_condition(Scaled *scaled, const MaskedMap *masked, const double *s
 void low_rank_residuals(Scaled *scaled, double *z);
 double low_rank_gain(Scaled *scaled, size_t k, double *gain);
 
-/* The information of a set of gauges on the free states over the one of all, in the worst state; the group of a gauge in
-   use, by its place among these. */
+/* The information of a set of gauges on the free states over the one of all, in the worst state; their precisions, and
+   whether leave-one-out residuals of two of them are correlated beyond the limit. */
 double low_rank_information(Scaled *scaled, const MaskedMap *masked);
-void low_rank_group(Scaled *scaled, MaskedMap *masked, size_t worst);
+void low_rank_set_precisions(Scaled *scaled, const MaskedMap *masked);
+int low_rank_correlated(const Scaled *scaled, size_t i, size_t j);
 
 /* Products c_a c_b (21) of the coefficients of the step less their mean; the limits by tr(P D) at a ratio of 1. */
 void set_products_of_coefficients(const Scaled *scaled, double *products);
