@@ -77,7 +77,7 @@ static int create(Estimator *e, MapFile *file) {
     if (!map_parse(file, &e->map) || !check_parts(file, map->form.follows_pressure)
         || !thermal_create(file, map->n_gauges, wide, &e->thermal) || !flow_parameters_parse(file, &e->parameters)
         || !sensor_rows_parse(file, map->n_gauges, &e->sensors)
-        || !other_loads_create(file, map->n_gauges, &e->other_loads)) {
+        || !other_loads_create(file, &e->other_loads)) {
         return 0;
     }
     if (!inputs_parse(file, &e->inputs)) {

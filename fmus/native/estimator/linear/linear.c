@@ -26,9 +26,9 @@
 /* Arrays of every step come first: they are aligned as the block is. */
 void linear_arrays(Map *map, size_t n_strains, Linear *linear, Room *room) {
     linear->prepared.noise.wide = linear->wide;
-    linear->prepared.noise.other_loads = linear->other_loads->present ? linear->other_loads : NULL;
+    linear->prepared.noise.other_loads = linear->scaled.other_loads = linear->other_loads;
     linear->scaled.map = map;
-    linear->scaled.other_loads = linear->prepared.noise.other_loads;
+    linear->scaled.n_loads = N_LOADS + linear->other_loads->map.n_loads;
     linear->scaled.wide = linear->wide;
     linear->prepared.scaled = &linear->scaled;
     scaled_arrays(&linear->scaled, room);

@@ -128,11 +128,12 @@ typedef struct {
     double *noise_whitening;           /* L^-1 by rows of its lower triangle */
     double *whitening;                 /* (n_gauges, n_gauges) V', a row for each gauge */
     double *singular;                  /* (n_gauges) S */
-    double *load;                      /* (n_gauges, 5) loads of each direction; the gain of each in form "absolute", */
+    double *load;                      /* (n_gauges, n_loads) of each direction, the five and those in addition; in form "absolute"
+                                          the gain of each, */
     double *noise_left, *prior_left;   /* (n_gauges, 5) and what noise and prior leave of the loads by it: in that form alone */
     double *unseen;                    /* (5, 5) R */
     double *min_precision;             /* (n_gauges) P_ii that is round-off, by the errors that do not scale */
-    double *other_load, *other_unseen; /* (n_gauges, n_loads), (n_loads) the same of loads in addition to the five */
+    double *other_unseen;              /* variances of the same of loads in addition to the five */
 } NoiseMatrices;
 
 /* An inverse map for n_gauges gauges and n_states pressure states; arrays point into the file's bytes.

@@ -41,8 +41,6 @@ static void lay_out(void *part, Room *room) {
     OtherLoads *other_loads = part;
     const OtherLoadsMap *map = &other_loads->map;
     const size_t m = map->n_loads;
-    other_loads->rows = taken(room, 2 * m * other_loads->n_gauges);
-    other_loads->growth = taken(room, other_loads->n_gauges);
     for (int k = 0; k < N_OTHER_VALUES; k++) {
         other_loads->value[k] = taken(room, m);
     }
@@ -56,14 +54,13 @@ static void lay_out(void *part, Room *room) {
     }
 }
 
-int other_loads_create(MapFile *file, size_t n_gauges, OtherLoads *other_loads) {
+int other_loads_create(MapFile *file, OtherLoads *other_loads) {
     if (!map_has(file, "other_loads")) {
         return file->good;
     }
     if (!parse(file, &other_loads->map)) {
         return 0;
     }
-    other_loads->n_gauges = n_gauges;
     for (size_t a = 0; a < other_loads->map.n_arrays; a++) {
         other_loads->n_outputs += (size_t)other_loads->map.array_size[a];
     }

@@ -48,10 +48,10 @@
    any dynamic pressure"; prepare in strainfmu/estimator/reference/update.py. */
 
 /* The scratch `large`: L at first; then [L^-1 A, L^-1 N, L^-1] by columns; the rows [K, Q_2' L^-1] below the free states;
-   two triangles of a root that is not kept; loads of five rows; scratch of orthogonal_rows. */
-static size_t pressure_directions_doubles(const Map *map) {
+   two triangles of a root that is not kept; rows of all loads, twice; scratch of orthogonal_rows. */
+static size_t pressure_directions_doubles(const Map *map, size_t loads) {
     const size_t n = map->n_gauges;
-    return n * (map->form.n_free + 2 * n) + 2 * n * n + n * (n + 1) + 2 * N_LOADS * n + orthogonal_rows_doubles(n, 2 * n);
+    return n * (map->form.n_free + 2 * n) + 2 * n * n + n * (n + 1) + 2 * loads * n + orthogonal_rows_doubles(n, 2 * n);
 }
 
 /* L^-1 x of a strided vector; from the last row on, so that it is done in place. */
@@ -87,76 +87,14 @@ static void eliminate_free(AddedNoise *noise, const double *inverse, double *who
     householder_columns(noise->wide, n, n_free + reflected_columns(file), n_free + 2 * n, whole, noise->head);
 }
 
-/* Rows of loads, five or the other ones, that follow the directions. */
-typedef struct {
-    size_t count;
-    const double *per_state, *spread; /* (n_states, count), (n_gauges, count) */
-    double *of_free, *of_spread;      /* (count, n_gauges) scratch */
-    double *load;                     /* (n_gauges, count) of the directions */
-} LoadRows;
-
-/* F_free = M T^-1, and M_N - F_free Z in of_spread (count, n). */
-static void split_loads(const Map *file, const double *whole, const LoadRows *rows) {
-    const size_t n = file->n_gauges, n_free = file->form.n_free, count = rows->count;
-    for (size_t i = 0; i < count; i++) {
-        double *row = rows->of_free + i * n;
-        for (size_t c = 0; c < n_free; c++) {
-            row[c] = rows->per_state[count * c + i];
-        }
-        solve_transposed(n, n_free, whole, row);
-        for (size_t c = 0; c < n; c++) {
-            rows->of_spread[i * n + c] = rows->spread[count * c + i] - dot(n_free, row, whole + (n_free + c) * n);
-        }
-        for (size_t c = 0; c < n_free; c++) {
-            rows->load[count * c + i] = row[c];
-        }
-    }
+/* Loads are the five, then those in addition. */
+static size_t n_loads(const AddedNoise *noise) {
+    return N_LOADS + noise->other_loads->map.n_loads;
 }
 
-/* F_a, and what it leaves of the loads of N. `unit` makes the row E_a of unit length; a row of zeros has no load. */
-static void take_direction(const LoadRows *rows, size_t n, size_t a, double unit, const double *row) {
-    for (size_t i = 0; i < rows->count; i++) {
-        double *loads = rows->of_spread + i * n;
-        const double along = unit * dot(n, loads, row);
-        rows->load[rows->count * a + i] = along;
-        for (size_t j = 0; j < n; j++) {
-            loads[j] -= along * unit * row[j];
-        }
-    }
-}
-
-/* The next direction, falling by size, of the turned rows; its loads. */
-static void set_direction(AddedNoise *noise, const double *rows, const LoadRows loads[2]) {
-    const size_t n = noise->file.n_gauges, a = noise->taken;
-    double *square = noise->head;
-    const size_t k = next_row(n - noise->file.form.n_free, square);
-    const double *row = rows + k * 2 * n;
-    /* A row is [S_a E_a, V_a]: its first half has the length S_a, its second half is the direction itself. */
-    const double root = sqrt(square[k]), unit = root > 0.0 ? 1.0 / root : 1.0;
-    square[k] = -1.0;
-    noise->made->singular[a] = root;
-    for (size_t j = 0; j < n; j++) {
-        noise->made->whitening[j * n + a] = row[n + j];
-    }
-    take_direction(&loads[0], n, a, unit, row);
-    take_direction(&loads[1], n, a, unit, row);
-    noise->taken++;
-}
-
-/* R: the covariance that the file states, and the loads that no direction has taken. */
-static void set_unseen(const AddedNoise *noise, const LoadRows loads[2]) {
-    const Map *file = &noise->file;
-    const size_t n = file->n_gauges;
-    for (size_t i = 0; i < loads[1].count; i++) {
-        const double *left = loads[1].of_spread + i * n;
-        noise->made->other_unseen[i] = noise->other_loads->map.spread_unseen[i] + dot(n, left, left);
-    }
-    for (size_t i = 0; i < N_LOADS; i++) {
-        for (size_t j = 0; j < N_LOADS; j++) {
-            noise->made->unseen[i * N_LOADS + j] =
-                file->form.spread_unseen[i * N_LOADS + j] + dot(n, loads[0].of_spread + i * n, loads[0].of_spread + j * n);
-        }
-    }
+/* Load k in row c of what the file has for the five (rows, 5), and for the others (rows, n_loads - 5). */
+static double load_in(const AddedNoise *noise, const double *five, const double *others, size_t c, size_t k) {
+    return k < N_LOADS ? five[c * N_LOADS + k] : others[c * (n_loads(noise) - N_LOADS) + k - N_LOADS];
 }
 
 /* Parts of the scratch `large`: orthogonal_rows has what is left of it. */
@@ -171,21 +109,75 @@ static Parts parts_of(const AddedNoise *noise) {
     parts.root = parts.rows + 2 * n * n;
     parts.inverse = parts.root + triangle;
     parts.of_free = parts.inverse + triangle;
-    parts.of_spread = parts.of_free + N_LOADS * n;
-    parts.scratch = parts.of_spread + N_LOADS * n;
+    parts.of_spread = parts.of_free + n_loads(noise) * n;
+    parts.scratch = parts.of_spread + n_loads(noise) * n;
     return parts;
 }
 
-/* Rows of the five, and of the other loads; of none for a map without. */
-static void list_loads(const AddedNoise *noise, const Parts *parts, LoadRows loads[2]) {
+/* F_free = M T^-1, and M_N - F_free Z in of_spread (n_loads, n). */
+static void split_loads(const AddedNoise *noise, const Parts *parts) {
     const Map *file = &noise->file;
-    const OtherLoads *others = noise->other_loads;
-    loads[0] = (LoadRows){N_LOADS,        file->load_per_state, file->form.spread_load,
-                          parts->of_free, parts->of_spread,     noise->made->load};
-    loads[1] = (LoadRows){0};
-    if (others != NULL) {
-        loads[1] = (LoadRows){others->map.n_loads, others->map.load_per_state,                        others->map.spread_load,
-                              others->rows,        others->rows + others->map.n_loads * file->n_gauges, noise->made->other_load};
+    const size_t n = file->n_gauges, n_free = file->form.n_free, count = n_loads(noise);
+    const OtherLoadsMap *others = &noise->other_loads->map;
+    for (size_t i = 0; i < count; i++) {
+        double *row = parts->of_free + i * n;
+        for (size_t c = 0; c < n_free; c++) {
+            row[c] = load_in(noise, file->load_per_state, others->load_per_state, c, i);
+        }
+        solve_transposed(n, n_free, parts->whole, row);
+        for (size_t c = 0; c < n; c++) {
+            parts->of_spread[i * n + c] = load_in(noise, file->form.spread_load, others->spread_load, c, i)
+                                        - dot(n_free, row, parts->whole + (n_free + c) * n);
+        }
+        for (size_t c = 0; c < n_free; c++) {
+            noise->made->load[count * c + i] = row[c];
+        }
+    }
+}
+
+/* F_a, and what it leaves of the loads of N. `unit` makes the row E_a of unit length; a row of zeros has no load. */
+static void take_direction(const AddedNoise *noise, double *of_spread, size_t a, double unit, const double *row) {
+    const size_t n = noise->file.n_gauges, count = n_loads(noise);
+    for (size_t i = 0; i < count; i++) {
+        double *loads = of_spread + i * n;
+        const double along = unit * dot(n, loads, row);
+        noise->made->load[count * a + i] = along;
+        for (size_t j = 0; j < n; j++) {
+            loads[j] -= along * unit * row[j];
+        }
+    }
+}
+
+/* The next direction, falling by size, of the turned rows; its loads. */
+static void set_direction(AddedNoise *noise, const Parts *parts) {
+    const size_t n = noise->file.n_gauges, a = noise->taken;
+    double *square = noise->head;
+    const size_t k = next_row(n - noise->file.form.n_free, square);
+    const double *row = parts->rows + k * 2 * n;
+    /* A row is [S_a E_a, V_a]: its first half has the length S_a, its second half is the direction itself. */
+    const double root = sqrt(square[k]), unit = root > 0.0 ? 1.0 / root : 1.0;
+    square[k] = -1.0;
+    noise->made->singular[a] = root;
+    for (size_t j = 0; j < n; j++) {
+        noise->made->whitening[j * n + a] = row[n + j];
+    }
+    take_direction(noise, parts->of_spread, a, unit, row);
+    noise->taken++;
+}
+
+/* R: the covariance that the file states, and the loads that no direction has taken. */
+static void set_unseen(const AddedNoise *noise, const double *of_spread) {
+    const Map *file = &noise->file;
+    const size_t n = file->n_gauges;
+    for (size_t k = N_LOADS; k < n_loads(noise); k++) {
+        const double *left = of_spread + k * n;
+        noise->made->other_unseen[k - N_LOADS] = noise->other_loads->map.spread_unseen[k - N_LOADS] + dot(n, left, left);
+    }
+    for (size_t i = 0; i < N_LOADS; i++) {
+        for (size_t j = 0; j < N_LOADS; j++) {
+            noise->made->unseen[i * N_LOADS + j] =
+                file->form.spread_unseen[i * N_LOADS + j] + dot(n, of_spread + i * n, of_spread + j * n);
+        }
     }
 }
 
@@ -207,8 +199,6 @@ static int pressure_directions_begin(AddedNoise *noise) {
     const Map *file = &noise->file;
     const size_t n = file->n_gauges, n_free = file->form.n_free;
     const Parts parts = parts_of(noise);
-    LoadRows loads[2];
-    list_loads(noise, &parts, loads);
     for (size_t i = 0; i < n; i++) {
         noise->made->min_precision[i] = file->min_information / own_covariance(noise, i * n + i);
     }
@@ -217,8 +207,7 @@ static int pressure_directions_begin(AddedNoise *noise) {
         return 0;
     }
     eliminate_free(noise, inverse, parts.whole);
-    split_loads(file, parts.whole, &loads[0]);
-    split_loads(file, parts.whole, &loads[1]);
+    split_loads(noise, &parts);
     for (size_t a = 0; a < n_free; a++) {
         noise->made->singular[a] = 0.0;
         for (size_t j = 0; j < n; j++) {
@@ -253,15 +242,13 @@ static int pressure_directions_turn(AddedNoise *noise, size_t work) {
 static int pressure_directions_take(AddedNoise *noise, size_t work) {
     const size_t n = noise->file.n_gauges;
     const Parts parts = parts_of(noise);
-    LoadRows loads[2];
-    list_loads(noise, &parts, loads);
-    for (size_t done = 0; noise->taken < n && done < work; done += 2 * n * (loads[0].count + loads[1].count + 1)) {
-        set_direction(noise, parts.rows, loads);
+    for (size_t done = 0; noise->taken < n && done < work; done += 2 * n * (n_loads(noise) + 1)) {
+        set_direction(noise, &parts);
     }
     if (noise->taken < n) {
         return 0;
     }
-    set_unseen(noise, loads);
+    set_unseen(noise, parts.of_spread);
     return 1;
 }
 
@@ -373,19 +360,15 @@ static void fixed_loads(AddedNoise *noise) {
 /* The parts in their order; the last two are ends. */
 enum { ROOT, DIRECTIONS, TURNS, LOADS_OF_DIRECTIONS, FIXED_LOADS, MADE, NO_COVARIANCE };
 
-static size_t n_other(const AddedNoise *noise) {
-    return noise->other_loads == NULL ? 0 : noise->other_loads->map.n_loads;
-}
-
-static void matrices_arrays(const Map *map, size_t others, NoiseMatrices *set, Room *room) {
+static void matrices_arrays(const Map *map, size_t loads, NoiseMatrices *set, Room *room) {
     const size_t n = map->n_gauges, triangle = n * (n + 1) / 2;
     set->noise_whitening = taken(room, triangle);
     set->whitening = taken(room, n * n);
     TAKE(room, n, &set->singular, &set->min_precision);
-    TAKE(room, N_LOADS * n, &set->load, &set->noise_left, &set->prior_left);
+    set->load = taken(room, loads * n);
+    TAKE(room, N_LOADS * n, &set->noise_left, &set->prior_left);
     set->unseen = taken(room, N_LOADS * N_LOADS);
-    set->other_load = taken(room, n * others);
-    set->other_unseen = taken(room, others);
+    set->other_unseen = taken(room, loads - N_LOADS);
 }
 
 void added_noise_arrays(const Map *map, AddedNoise *noise, Room *room) {
@@ -396,10 +379,10 @@ void added_noise_arrays(const Map *map, AddedNoise *noise, Room *room) {
         return; /* low_rank.c has all */
     }
     for (size_t k = 0; k < 2; k++) {
-        matrices_arrays(map, n_other(noise), &noise->set[k], room);
+        matrices_arrays(map, n_loads(noise), &noise->set[k], room);
     }
     noise->added = taken(room, n * n);
-    noise->large = taken(room, pressure_directions_doubles(map));
+    noise->large = taken(room, pressure_directions_doubles(map, n_loads(noise)));
     noise->head = taken(room, 2 * n);
     noise->square = taken(room, n * n);
     noise->rows = taken(room, 2 * N_LOADS * n); /* X' and B */

@@ -18,8 +18,8 @@
 
    k_vp depends on s alone, by G(s) and P(s), and is smooth. In an interval of s, a factor 2^(1/16) wide, a
    polynomial in t = (s - middle) / half through N_NODES = 6 Chebyshev points reproduces it to 1e-10 of a variance.
-   `factor` (values, 6 * 21) has its coefficients, `powers` (6 * 21) is t^j (c_a c_b - mean)_p: v = factor powers. An
-   interval is filled when s first enters it; 16 are kept.
+   `factor` (values, 6 * 21) has k_vp at these points, `parts` (6 * 21) is (c_a c_b - mean)_p times Lagrange's polynomial of
+   each: v = factor parts. An interval is filled when s first enters it; 16 are kept.
 
    Lost gauges are taken out exactly, with P = P_all - Y Y' and G = G_all - B Y' of lost_rows.c: G D G' by this gain,
 
@@ -68,15 +68,14 @@ static void ends_of(double ratio, double *below, double *above) {
     *above = unit * SIXTEENTH[k + 1];
 }
 
-static size_t n_values(const CurrentErrors *errors) {
-    return FIVE_VALUES + errors->n_other;
+static size_t n_values(const Scaled *scaled) {
+    return FIVE_VALUES + scaled->n_loads - N_LOADS;
 }
 
 void current_errors_arrays(Scaled *scaled, Room *room) {
     CurrentErrors *errors = &scaled->errors;
-    errors->n_other = scaled->other_loads != NULL ? scaled->other_loads->map.n_loads : 0;
-    const size_t n = scaled->map->n_gauges, whole = dense_rows(n), values = n_values(errors);
-    const size_t loads = N_LOADS + errors->n_other, common = 6 * scaled->map->form.n_terms;
+    const size_t n = scaled->map->n_gauges, whole = dense_rows(n), values = n_values(scaled);
+    const size_t loads = scaled->n_loads, common = 6 * scaled->map->form.n_terms;
     errors->of_gauge = taken(room, dense_rows(N_PAIRS) * dense_columns(n));
     errors->rows = taken(room, dense_rows(common) * dense_columns(n));
     errors->load_along = taken(room, loads * dense_rows(common));
@@ -85,7 +84,8 @@ void current_errors_arrays(Scaled *scaled, Room *room) {
     errors->common = taken(room, common * whole);
     TAKE(room, loads * whole, &errors->weighted, &errors->gain);
     TAKE(room, whole, &errors->unresolved, &errors->precision, &errors->product);
-    errors->powers = taken(room, dense_columns(N_FACTORS));
+    errors->products = taken(room, N_PAIRS);
+    errors->parts = taken(room, dense_columns(N_FACTORS));
     errors->value = taken(room, dense_rows(FIVE_VALUES));
     errors->own = taken(room, whole);
     for (size_t k = 0; k < CACHED_INTERVALS; k++) {
@@ -94,7 +94,7 @@ void current_errors_arrays(Scaled *scaled, Room *room) {
     for (size_t k = 0; k < CACHED_INTERVALS; k++) {
         TAKE(room, n, &errors->interval[k].least_precision, &errors->interval[k].margin, &errors->interval[k].bound);
     }
-    errors->polynomial = taken(room, values * N_FACTORS);
+    errors->at_nodes = taken(room, values * N_FACTORS);
     errors->common_load = taken(room, 6 * loads);
     errors->node = taken(room, N_PAIRS * values);
     errors->sum = taken(room, dense_rows(N_PAIRS));
@@ -139,15 +139,14 @@ static void set_gains(Scaled *scaled, double ratio) {
     const ScaledForm *form = &scaled->map->form;
     const NoiseMatrices *made = scaled->map->made;
     CurrentErrors *errors = &scaled->errors;
-    for (size_t k = 0; k < N_LOADS + errors->n_other; k++) {
+    for (size_t k = 0; k < scaled->n_loads; k++) {
         double *weighted = errors->weighted + k * whole;
         for (size_t a = 0; a < n; a++) {
             const double weight = ratio * (ratio * made->singular[a]) * errors->unresolved[a];
-            weighted[a] = (a < form->n_free ? 1.0 : weight) * load_of(scaled, a, k);
+            weighted[a] = (a < form->n_free ? 1.0 : weight) * made->load[a * scaled->n_loads + k];
         }
     }
-    dense_times_many(scaled->wide, n, n, scaled->columns, N_LOADS + errors->n_other, errors->weighted, whole, errors->gain,
-                     whole);
+    dense_times_many(scaled->wide, n, n, scaled->columns, scaled->n_loads, errors->weighted, whole, errors->gain, whole);
 }
 
 /* k_vp of the gauges' own errors: sum over gauges of (sum_t D_tai D_tbi) times errors->product, which is G_ig G_jg
@@ -174,12 +173,12 @@ static void add_all_own(Scaled *scaled) {
     }
     memcpy(errors->product, errors->precision, n * sizeof *errors->product);
     add_own(scaled, TRACE);
-    for (size_t k = 0; k < errors->n_other; k++) {
-        const double *gain = errors->gain + (N_LOADS + k) * whole;
+    for (size_t k = N_LOADS; k < scaled->n_loads; k++) {
+        const double *gain = errors->gain + k * whole;
         for (size_t g = 0; g < n; g++) {
             errors->product[g] = gain[g] * gain[g];
         }
-        add_own(scaled, FIVE_VALUES + k);
+        add_own(scaled, FIVE_VALUES + k - N_LOADS);
     }
 }
 
@@ -207,7 +206,7 @@ void add_common_error(size_t loads, const double *load, const double *square, do
 static void add_common(Scaled *scaled, const double *shown) {
     const size_t n = scaled->map->n_gauges, whole = dense_rows(n);
     CurrentErrors *errors = &scaled->errors;
-    const size_t loads = N_LOADS + errors->n_other;
+    const size_t loads = scaled->n_loads;
     double square[6 * 6];
     for (size_t a = 0; a < 6; a++) {
         for (size_t k = 0; k < loads; k++) {
@@ -223,43 +222,28 @@ static void add_common(Scaled *scaled, const double *shown) {
     add_common_error(loads, errors->common_load, square, errors->node);
 }
 
-/* Chebyshev's points of [-1, 1], cos((2 k + 1) pi / 12), and for each the coefficients of Lagrange's polynomial, 1
-   there and 0 at the other points. cos^2 of these angles is (2 +- sqrt 3) / 4 and 1/2, so that no cosine is needed. */
-static void set_nodes(double node[N_NODES], double coefficient[N_NODES][N_NODES]) {
-    const double squares[3] = {(2.0 + sqrt(3.0)) / 4.0, 0.5, (2.0 - sqrt(3.0)) / 4.0};
-    for (size_t k = 0; k < N_NODES / 2; k++) {
-        node[k] = -sqrt(squares[k]);
-        node[N_NODES - 1 - k] = sqrt(squares[k]);
-    }
-    for (size_t j = 0; j < N_NODES; j++) {
-        double *c = coefficient[j];
-        size_t degree = 0;
-        memset(c, 0, N_NODES * sizeof *c);
-        c[0] = 1.0;
-        for (size_t k = 0; k < N_NODES; k++) {
-            if (k == j) {
-                continue;
-            }
-            degree++;
-            for (size_t power = degree + 1; power-- > 0;) {
-                /* Times (t - node_k) / (node_j - node_k). */
-                c[power] = ((power > 0 ? c[power - 1] : 0.0) - node[k] * c[power]) / (node[j] - node[k]);
-            }
+void lagrange(size_t n, const double *point, const double *weight, double t, double *part) {
+    for (size_t k = 0; k < n; k++) {
+        part[k] = weight[k];
+        for (size_t j = 0; j < n; j++) {
+            part[k] *= j == k ? 1.0 : t - point[j];
         }
     }
 }
 
-/* The coefficients of all polynomials of an interval: values at each node, times the coefficients of its Lagrange
-   polynomial. */
+/* Chebyshev's points of [-1, 1], cos((2 k + 1) pi / 12), and their weights for lagrange(). */
+static const double POINT[N_NODES] = {0x1.ee8dd4748bf15p-1,  0x1.6a09e667f3bcdp-1,  0x1.0907dc1930690p-2,
+                                      -0x1.0907dc1930690p-2, -0x1.6a09e667f3bcdp-1, -0x1.ee8dd4748bf15p-1};
+static const double WEIGHT[N_NODES] = {0x1.615fd02195e16p+0,  -0x1.e2b7dddfefa66p+1, 0x1.49b3e2f85d4b9p+2,
+                                       -0x1.49b3e2f85d4b9p+2, 0x1.e2b7dddfefa66p+1,  -0x1.615fd02195e16p+0};
+
+/* k_vp at all points of an interval. */
 static void set_factors(Scaled *scaled, Interval *interval) {
     CurrentErrors *errors = &scaled->errors;
-    const size_t values = n_values(errors);
+    const size_t values = n_values(scaled);
     const double middle = 0.5 * (interval->below + interval->above), half = 0.5 * (interval->above - interval->below);
-    double node[N_NODES], coefficient[N_NODES][N_NODES];
-    set_nodes(node, coefficient);
-    memset(errors->polynomial, 0, values * N_FACTORS * sizeof *errors->polynomial);
     for (size_t j = 0; j < N_NODES; j++) {
-        const double ratio = middle + half * node[j];
+        const double ratio = middle + half * POINT[j];
         memset(errors->node, 0, N_PAIRS * values * sizeof *errors->node);
         set_precision(scaled, ratio);
         set_gains(scaled, ratio);
@@ -268,15 +252,10 @@ static void set_factors(Scaled *scaled, Interval *interval) {
             add_common(scaled, errors->common + 6 * term * dense_rows(scaled->map->n_gauges));
         }
         for (size_t v = 0; v < values; v++) {
-            for (size_t power = 0; power < N_NODES; power++) {
-                double *row = errors->polynomial + v * N_FACTORS + power * N_PAIRS;
-                for (size_t pair = 0; pair < N_PAIRS; pair++) {
-                    row[pair] += coefficient[j][power] * errors->node[v * N_PAIRS + pair];
-                }
-            }
+            memcpy(errors->at_nodes + v * N_FACTORS + j * N_PAIRS, errors->node + v * N_PAIRS, N_PAIRS * sizeof *errors->node);
         }
     }
-    dense_panels(values, N_FACTORS, errors->polynomial, N_FACTORS, 1, interval->factor);
+    dense_panels(values, N_FACTORS, errors->at_nodes, N_FACTORS, 1, interval->factor);
 }
 
 /* P_ii falls with s, so that the upper end of the interval bounds it from below; lost gauges take sum Y^2 from it. A
@@ -346,16 +325,19 @@ void set_products_of_coefficients(const Scaled *scaled, double *products) {
     }
 }
 
-/* powers[j * 21 + p] = t^j (c_a c_b - mean)_p, from the loads of the step as they are without these errors. */
-void current_errors_set_powers(Scaled *scaled) {
+/* The products, of the loads of the step as they are without these errors, and times Lagrange's polynomials. */
+void current_errors_set_parts(Scaled *scaled) {
     CurrentErrors *errors = &scaled->errors;
     const ScaledStep *step = &scaled->step;
     const Interval *interval = step->interval;
     const double middle = 0.5 * (interval->below + interval->above), half = 0.5 * (interval->above - interval->below);
-    const double t = (step->ratio - middle) / half;
-    set_products_of_coefficients(scaled, errors->powers);
-    for (size_t k = N_PAIRS; k < N_FACTORS; k++) {
-        errors->powers[k] = t * errors->powers[k - N_PAIRS];
+    double part[N_NODES];
+    lagrange(N_NODES, POINT, WEIGHT, (step->ratio - middle) / half, part);
+    set_products_of_coefficients(scaled, errors->products);
+    for (size_t j = 0; j < N_NODES; j++) {
+        for (size_t pair = 0; pair < N_PAIRS; pair++) {
+            errors->parts[j * N_PAIRS + pair] = part[j] * errors->products[pair];
+        }
     }
 }
 
@@ -369,9 +351,9 @@ void current_errors_take_lost(Scaled *scaled) {
     }
     memcpy(errors->unresolved, step->unresolved, n * sizeof *errors->unresolved);
     set_gains(scaled, step->ratio);
-    for (size_t k = 0; k < N_LOADS + errors->n_other; k++) {
+    for (size_t k = 0; k < scaled->n_loads; k++) {
         double *gain = errors->gain + k * whole;
-        lost_rows_take(scaled, lost_rows_growth(scaled, k), gain);
+        lost_rows_take(scaled, k, gain);
         dense_times(scaled->wide, common, n, errors->rows, gain, errors->load_along + k * dense_rows(common));
     }
     for (size_t j = 0; j < step->n_lost; j++) {
@@ -386,7 +368,7 @@ static void set_own(Scaled *scaled) {
     for (size_t pair = 0; pair < N_PAIRS; pair++) {
         const double *restrict of_gauge = scaled->map->form.of_gauge + pair * n;
         for (size_t g = 0; g < n; g++) {
-            errors->own[g] += errors->powers[pair] * of_gauge[g];
+            errors->own[g] += errors->products[pair] * of_gauge[g];
         }
     }
 }
@@ -403,8 +385,8 @@ static void set_error(const Scaled *scaled, const double *x, const double *along
     for (size_t first = 0; first < common; first += 6) {
         for (size_t a = 0, pair = 0; a < 6; a++) {
             for (size_t b = a; b < 6; b++, pair++) {
-                errors->sized[first + a] += errors->powers[pair] * along[first + b];
-                errors->sized[first + b] += a == b ? 0.0 : errors->powers[pair] * along[first + a];
+                errors->sized[first + a] += errors->products[pair] * along[first + b];
+                errors->sized[first + b] += a == b ? 0.0 : errors->products[pair] * along[first + a];
             }
         }
     }
@@ -440,7 +422,7 @@ static double set_in_use(Scaled *scaled, double *covariance) {
 double current_errors_add(Scaled *scaled, const double *base, double *covariance) {
     const double square = scaled->step.ratio * scaled->step.ratio;
     double *value = scaled->errors.value;
-    dense_times(scaled->wide, FIVE_VALUES, N_FACTORS, scaled->step.interval->factor, scaled->errors.powers, value);
+    dense_times(scaled->wide, FIVE_VALUES, N_FACTORS, scaled->step.interval->factor, scaled->errors.parts, value);
     if (scaled->step.n_lost > 0) {
         value[TRACE] -= set_in_use(scaled, value);
     }
@@ -465,7 +447,7 @@ double current_errors_of_other(const Scaled *scaled, size_t j) {
     const double *panel = scaled->step.interval->factor + row / ROWS * ROWS * dense_columns(N_FACTORS) + row % ROWS;
     double sum = 0.0;
     for (size_t k = 0; k < N_FACTORS; k++) {
-        sum += panel[k * ROWS] * errors->powers[k];
+        sum += panel[k * ROWS] * errors->parts[k];
     }
     return sum;
 }

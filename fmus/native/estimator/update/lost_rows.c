@@ -91,32 +91,26 @@ static void set_y(Scaled *scaled) {
 }
 
 /* Row k of B: R'^-1 times V_L' W F'. */
-static void set_growth(const Scaled *scaled, size_t k, double *growth) {
+static void set_growth(const Scaled *scaled, size_t k) {
     const ScaledStep *step = &scaled->step;
     const size_t n = scaled->map->n_gauges;
+    const double *load = scaled->map->made->load + k;
+    double *growth = step->growth + k * step->n_lost;
     for (size_t j = 0; j < step->n_lost; j++) {
         const double *column = scaled->map->made->whitening + step->lost[j] * n;
         growth[j] = 0.0;
         for (size_t a = 0; a < n; a++) {
-            growth[j] += step->weight[a] * load_of(scaled, a, k) * column[a];
+            growth[j] += step->weight[a] * load[a * scaled->n_loads] * column[a];
         }
     }
     solve_transposed(n, step->n_lost, step->qr_of_gain.matrix, growth);
 }
 
-const double *lost_rows_growth(const Scaled *scaled, size_t k) {
-    if (k < N_LOADS) {
-        return scaled->step.growth + k * scaled->step.n_lost;
-    }
-    set_growth(scaled, k, scaled->other_loads->growth);
-    return scaled->other_loads->growth;
-}
-
-void lost_rows_take(const Scaled *scaled, const double *growth, double *restrict gain) {
+void lost_rows_take(const Scaled *scaled, size_t k, double *restrict gain) {
     const ScaledStep *step = &scaled->step;
     const size_t n = scaled->map->n_gauges;
     for (size_t j = 0; j < step->n_lost; j++) {
-        add_times(n, -growth[j], step->y + j * dense_rows(n), gain);
+        add_times(n, -step->growth[k * step->n_lost + j], step->y + j * dense_rows(n), gain);
     }
 }
 
@@ -128,8 +122,8 @@ void lost_rows_prepare(Scaled *scaled) {
     }
     /* The mean strain comes first: of_mean of the lost gauges is part of the derivative by q_inf. */
     predict_lost(scaled, step->qr_of_gain.matrix + step->n_lost * scaled->map->n_gauges, scaled->mean_left);
-    for (size_t k = 0; k < N_LOADS; k++) {
-        set_growth(scaled, k, step->growth + k * step->n_lost);
+    for (size_t k = 0; k < scaled->n_loads; k++) {
+        set_growth(scaled, k);
     }
     set_y(scaled);
 }

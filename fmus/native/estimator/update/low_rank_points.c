@@ -234,21 +234,17 @@ static void set_term_squares(Scaled *scaled, const double *weight, double *term_
     }
 }
 
-/* Chebyshev's points cos((2 k + 1) pi / 24), as constants, so that no platform rounds them otherwise. */
+/* Chebyshev's points cos((2 k + 1) pi / 24) and their weights for lagrange(), as constants, so that no platform rounds them
+   otherwise. */
 static const double POINT[LOW_NODES] = {0x1.fb9ea92ec689bp-1, 0x1.d906bcf328d46p-1, 0x1.963268b572492p-1,
                                         0x1.37af93f9513eap-1, 0x1.87de2a6aea963p-2, 0x1.0b5150f6da2d1p-3,
                                         -0x1.0b5150f6da2d1p-3, -0x1.87de2a6aea963p-2, -0x1.37af93f9513eap-1,
                                         -0x1.963268b572492p-1, -0x1.d906bcf328d46p-1, -0x1.fb9ea92ec689bp-1};
 
-/* Polynomials of Lagrange at t. */
-static void set_parts(double t, double part[LOW_NODES]) {
-    for (size_t k = 0; k < LOW_NODES; k++) {
-        part[k] = 1.0;
-        for (size_t j = 0; j < LOW_NODES; j++) {
-            part[k] *= j == k ? 1.0 : (t - POINT[j]) / (POINT[k] - POINT[j]);
-        }
-    }
-}
+static const double WEIGHT[LOW_NODES] = {0x1.646c6bf3cd916p+4,  -0x1.053ec6f1f1b97p+6, 0x1.9f94c54c6c538p+6,
+                                         -0x1.0ecc45ce4c30cp+7, 0x1.3b59d34cc5e2fp+7,  -0x1.5269c61f2f068p+7,
+                                         0x1.5269c61f2f068p+7,  -0x1.3b59d34cc5e2fp+7, 0x1.0ecc45ce4c30cp+7,
+                                         -0x1.9f94c54c6c538p+6, 0x1.053ec6f1f1b97p+6,  -0x1.646c6bf3cd916p+4};
 
 /* What an interval holds at one of its points. */
 typedef struct {
@@ -452,7 +448,7 @@ void low_rank_between(const Scaled *scaled, size_t count, const double *at_point
 void low_rank_at(Scaled *scaled, const MaskedMap *masked, double s) {
     LowRank *low = &scaled->low;
     low->at = interval_at(scaled, masked, s);
-    set_parts((logarithm(s) - logarithm(low->at->middle)) / LOW_HALF_WIDTH, low->part);
+    lagrange(LOW_NODES, POINT, WEIGHT, (logarithm(s) - logarithm(low->at->middle)) / LOW_HALF_WIDTH, low->part);
 }
 
 int low_rank_nominal(Scaled *scaled, const unsigned char *mask, double *weight) {

@@ -56,7 +56,8 @@ void scaled_arrays(Scaled *scaled, Room *room) {
     TAKE(room, whole, &step->qr_of_truth.root, &step->qr_of_gain.root);
     TAKE(room, n * (n + 1), &step->qr_of_truth.matrix, &step->qr_of_gain.matrix);
     TAKE(room, 2 * n, &step->qr_of_truth.head, &step->qr_of_gain.head);
-    TAKE(room, N_LOADS * n, &step->growth, &scaled->shift);
+    step->growth = taken(room, scaled->n_loads * n);
+    scaled->shift = taken(room, N_LOADS * n);
     scaled->of_gain = taken(room, n);
     if (!gain_differs(scaled->map)) {
         scaled->of_gain = NULL;
@@ -68,12 +69,12 @@ void scaled_arrays(Scaled *scaled, Room *room) {
 
 /* The 15 entries of F_a F_a', or of (k - b)(k - b)' + (G - k S)(G - k S)' in form "absolute": the covariance is
    their sum over the directions with weights `spread`, one product of a matrix by a vector. */
-static void set_products(const Map *map, size_t a, double products[N_VALUES]) {
-    const NoiseMatrices *made = map->made;
+static void set_products(const Scaled *scaled, size_t a, double products[N_VALUES]) {
+    const NoiseMatrices *made = scaled->map->made;
     static const double NONE[N_LOADS] = {0.0};
-    const double *load = made->load + N_LOADS * a, *noise_left = made->noise_left + N_LOADS * a;
+    const double *load = made->load + scaled->n_loads * a, *noise_left = made->noise_left + N_LOADS * a;
     memset(products, 0, N_VALUES * sizeof *products);
-    if (map->form.follows_pressure) {
+    if (scaled->map->form.follows_pressure) {
         add_products(load, NONE, products);
     } else {
         add_products(noise_left, made->prior_left + N_LOADS * a, products);
@@ -91,7 +92,7 @@ void scaled_prepare(Scaled *scaled) {
     for (size_t k = 0; k < dense_rows(n) * dense_columns(n); k++) {
         scaled->square[k] = scaled->columns[k] * scaled->columns[k];
     }
-    dense_panels(N_LOADS, n, made->load, 1, N_LOADS, scaled->loads);
+    dense_panels(N_LOADS, n, made->load, 1, scaled->n_loads, scaled->loads);
     for (size_t i = 0; i < n; i++) {
         const double *column = made->whitening + i * n;
         /* Columns of unit length keep the screen of residuals in float within its range: linear_outputs.c. */
@@ -101,7 +102,7 @@ void scaled_prepare(Scaled *scaled) {
     narrow_panels(n, n, made->whitening, n, 1, scale, scaled->screen);
     for (size_t a = 0; a < n; a++) {
         double products[N_VALUES];
-        set_products(scaled->map, a, products);
+        set_products(scaled, a, products);
         for (size_t k = 0; k < N_VALUES; k++) {
             scaled->squares[(k / ROWS) * ROWS * dense_columns(n) + a * ROWS + k % ROWS] = products[k];
         }
@@ -272,7 +273,7 @@ void set_limit_ratio(Scaled *scaled, double trace) {
 static void add_errors(Scaled *scaled, ScaledStep *step) {
     double trace = 0.0;
     if (scaled->map->form.has_errors) {
-        current_errors_set_powers(scaled);
+        current_errors_set_parts(scaled);
         trace = current_errors_add(scaled, step->base, step->covariance);
     } else {
         memcpy(step->covariance, step->base, sizeof step->covariance);
@@ -348,18 +349,17 @@ void scaled_other_load(const Scaled *scaled, size_t j, double *value, double *va
     const NoiseMatrices *made = scaled->map->made;
     const OtherLoads *other_loads = scaled->other_loads;
     const ScaledStep *step = &scaled->step;
-    const size_t n = scaled->map->n_gauges, m = other_loads->map.n_loads;
-    const double s = step->ratio;
+    const size_t n = scaled->map->n_gauges, k = N_LOADS + j;
+    const double s = step->ratio, *growth = step->growth + k * step->n_lost;
     double sum = 0.0, of_mean = 0.0, spread = 0.0;
     for (size_t a = 0; a < n; a++) {
-        const double load = made->other_load[a * m + j], weighted = step->weight[a] * load;
+        const double load = made->load[a * scaled->n_loads + k], weighted = step->weight[a] * load;
         sum += weighted * step->w[a];
         of_mean += weighted * step->of_mean[a];
         spread += step->spread[a] * (load * load);
     }
     *value = other_loads->map.fixed_load[j] + s * other_loads->map.load_of_mean[j] + sum;
     *per_pressure = (other_loads->map.load_of_mean[j] - of_mean) / scaled->map->dynamic_pressure;
-    const double *growth = lost_rows_growth(scaled, N_LOADS + j);
     *variance = spread + s * s * made->other_unseen[j] + dot(step->n_lost, growth, growth);
     if (scaled->map->form.has_errors) {
         *variance += s * s * current_errors_of_other(scaled, j);
@@ -381,9 +381,9 @@ double scaled_gain(Scaled *scaled, size_t k, double *gain) {
         scaled_other_load(scaled, k - N_LOADS, &value, &variance, &per_pressure);
     }
     for (size_t a = 0; a < n; a++) {
-        weighted[a] = step->weight[a] * load_of(scaled, a, k);
+        weighted[a] = step->weight[a] * scaled->map->made->load[a * scaled->n_loads + k];
     }
     dense_times(scaled->wide, n, n, scaled->columns, weighted, gain);
-    lost_rows_take(scaled, lost_rows_growth(scaled, k), gain);
+    lost_rows_take(scaled, k, gain);
     return per_pressure;
 }

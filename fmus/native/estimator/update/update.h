@@ -14,7 +14,7 @@ typedef struct {
     double *added;   /* (n_gauges, n_gauges) covariance of the other errors [1] */
     const double *own, *whole; /* (n_gauges, n_gauges) covariance of the gauges instead of the file's, and with the
                                   errors that scale; NULL for the file's */
-    OtherLoads *other_loads; /* other loads, which follow too; NULL for none */
+    const OtherLoads *other_loads; /* in addition to the five, which follow too */
     NoiseMatrices set[2], *made; /* the map's, and the ones that are made */
     int stage;       /* of the functions in added_noise.c */
     int refused;     /* whether own and added were no covariance: they are the file's then */
@@ -131,14 +131,14 @@ typedef struct {
 
 /* Errors in proportion to strain: current_errors.c. */
 typedef struct {
-    size_t n_other;         /* other loads */
     Interval interval[CACHED_INTERVALS];
     size_t next;              /* the one to give way */
     double *of_gauge;         /* (21, n) of the map, in panels */
     double *common;           /* (n_terms, 6, whole) V E */
     double *rows;             /* (6 n_terms, n) E, in panels */
     /* Of the step. */
-    double *powers;           /* (6, 21) c_a c_b less its mean, times powers of the ratio in its interval */
+    double *products;         /* (21) c_a c_b less its mean, */
+    double *parts;            /* (6, 21) and times Lagrange's polynomials of the ratio in its interval */
     double *value;            /* (16) G D G' and the trace of P D, with all gauges */
     double *own;              /* (n) D_ii of the gauges' own errors */
     double *load_along;       /* (5 and other loads, 6 n_terms) E G' where gauges are lost, of G below, */
@@ -149,7 +149,7 @@ typedef struct {
     double *unresolved, *precision, *product; /* (whole) u, P_ii, and products of them */
     double *common_load;      /* (6, 5 and other loads) */
     double *node;             /* (16 and other loads, 21) at a point */
-    double *polynomial;       /* (16 and other loads, 126) */
+    double *at_nodes;         /* (16 and other loads, 126) at all of them */
     double *sum;              /* (24) */
 } CurrentErrors;
 
@@ -174,7 +174,7 @@ typedef struct {
     size_t *lost;                      /* (n_lost) */
     LostRows qr_of_truth, qr_of_gain;  /* the same arrays where the gain is the prior's */
     double *y;                         /* (n_lost, dense_rows(n_gauges)) Y, P = P_all - Y Y' */
-    double *growth;                    /* (5, n_lost) B, then X: what the lost gauges add to the covariance is X X' */
+    double *growth;                    /* (n_loads, n_lost) B: what the lost gauges add to the covariance is B B' */
     double per_pressure[N_LOADS];      /* about the map's moment point, as all loads */
     double base[N_LOADS * N_LOADS];    /* covariance without errors at the current strain */
     double *bound;                     /* (narrow_rows(n_gauges)) as Interval has them, with lost gauges */
@@ -252,7 +252,8 @@ typedef struct {
 
 typedef struct Scaled {
     const Map *map;
-    const OtherLoads *other_loads; /* of a map with loads in addition to the five; NULL for others */
+    const OtherLoads *other_loads; /* in addition to the five */
+    size_t n_loads;    /* the five and these */
     int wide;          /* wide_of_processor() */
     LowRank low;       /* of a map with many gauges, in the place of all but the step */
     double *rows;      /* V in panels: w = V r */
@@ -277,15 +278,8 @@ typedef struct Scaled {
    predicted. */
 void lost_rows_prepare(Scaled *scaled);
 
-/* Loads of direction a by load k: the five, then other ones. */
-static inline double load_of(const Scaled *scaled, size_t a, size_t k) {
-    const NoiseMatrices *made = scaled->map->made;
-    return k < N_LOADS ? made->load[N_LOADS * a + k] : made->other_load[a * scaled->errors.n_other + k - N_LOADS];
-}
-
-/* Row k of B, of loads in addition to the five in scratch of these; and B_k Y' taken off a gain (n_gauges). */
-const double *lost_rows_growth(const Scaled *scaled, size_t k);
-void lost_rows_take(const Scaled *scaled, const double *growth, double *gain);
+/* B_k Y' taken off the gain (n_gauges) of load k. */
+void lost_rows_take(const Scaled *scaled, size_t k, double *gain);
 
 /* Then, of a sample: chi-square and x; w of the lost gauges is predicted. */
 void lost_rows_condition(Scaled *scaled);
@@ -312,8 +306,11 @@ const Interval *current_interval(Scaled *scaled, double ratio);
    P_ii of all gauges, from which the lost ones take their part. 0 where these leave it open whether others check a gauge. */
 int current_errors_set_bound(const Scaled *scaled, const Interval *interval, size_t n_lost, double *bound);
 
-/* step->powers: products of the coefficients of the loads less their mean, times powers of the ratio in its interval. */
-void current_errors_set_powers(Scaled *scaled);
+/* Set errors.products and errors.parts. */
+void current_errors_set_parts(Scaled *scaled);
+
+/* Lagrange's polynomials of n points at t; a weight is 1 over the product of a point's distances from the others. */
+void lagrange(size_t n, const double *point, const double *weight, double t, double *part);
 
 /* The gain of the gauges in use, and what errors in common make of it and of Y: where the lost gauges or the ratio change,
    after lost_rows_prepare. */
