@@ -37,18 +37,6 @@ static void transferred(double transfer[N_LOADS][N_LOADS], const double *covaria
     }
 }
 
-/* Rows of the transfer of loads to the moment point of the settings, and that times a scale for each row. */
-static void set_transfer(const Estimator *e, const double *scale, double transfer[N_LOADS][N_LOADS]) {
-    const double shift = moment_shift(&e->inputs);
-    memset(transfer, 0, N_ENTRIES * sizeof(double));
-    for (size_t i = 0; i < N_LOADS; i++) {
-        transfer[i][i] = scale[i];
-        if (i >= 3) {
-            transfer[i][i - 2] = shift * scale[i];
-        }
-    }
-}
-
 static const double ONES[N_LOADS] = {1.0, 1.0, 1.0, 1.0, 1.0}, NONE[N_LOADS] = {0.0};
 
 /* Covariances of loads and coefficients of the linear map, both with the error of the dynamic pressure. */
@@ -61,7 +49,7 @@ static void linear_covariances(const Estimator *e, double *fit) {
     move_moments(moment_shift(&e->inputs), loads);
     memcpy(per_pressure, step->per_pressure, sizeof per_pressure);
     move_moments(moment_shift(&e->inputs), per_pressure);
-    set_transfer(e, ONES, transfer);
+    moment_transfer(&e->inputs, ONES, transfer);
     for (size_t i = 0; i < N_LOADS; i++) {
         per_pressure[i] = e->linear.flow.known ? per_pressure[i] * q_std : 0.0;
     }
@@ -70,7 +58,7 @@ static void linear_covariances(const Estimator *e, double *fit) {
         return;
     }
     coefficient_scales(q, scalar[REFERENCE_AREA], scalar[REFERENCE_LENGTH], scale);
-    set_transfer(e, scale, transfer);
+    moment_transfer(&e->inputs, scale, transfer);
     for (size_t i = 0; i < N_LOADS; i++) {
         const double coefficient = scale[i] * loads[i];
         of_coefficient[i] = scale[i] * per_pressure[i] - coefficient / q * q_std;
@@ -80,20 +68,11 @@ static void linear_covariances(const Estimator *e, double *fit) {
 
 /* The same of the nonlinear estimator. */
 static void flight_covariances(const Estimator *e, double *fit) {
-    const FlightMap *map = &e->flight.map;
     const Solution *solution = &e->flight.solver.solution;
-    const double *scalar = e->inputs.value + e->map.n_gauges;
-    double transfer[N_LOADS][N_LOADS];
-    set_transfer(e, ONES, transfer);
-    transferred(transfer, solution->load_covariance, NONE, fit + LOAD_COVARIANCE);
-    for (size_t i = 0; i < N_LOADS; i++) {
-        const double own = i < 3 ? scalar[REFERENCE_AREA] : scalar[REFERENCE_AREA] * scalar[REFERENCE_LENGTH];
-        for (size_t j = 0; j < N_LOADS; j++) {
-            const double reference = j < 3 ? map->reference_area : map->reference_area * map->reference_length;
-            transfer[i][j] *= reference / own;
-        }
-    }
-    transferred(transfer, solution->coefficient_covariance, NONE, fit + COEFFICIENT_COVARIANCE);
+    double of_loads[N_LOADS][N_LOADS], of_coefficients[N_LOADS][N_LOADS];
+    flight_transfers(&e->flight, of_loads, of_coefficients);
+    transferred(of_loads, solution->load_covariance, NONE, fit + LOAD_COVARIANCE);
+    transferred(of_coefficients, solution->coefficient_covariance, NONE, fit + COEFFICIENT_COVARIANCE);
 }
 
 static void write_filtered(const Estimator *e, double *fit) {

@@ -19,7 +19,6 @@
 #define N_RECORDS (SL_TARE + 1)
 #define N_RUNS 9 /* of a sample */
 #define STACK_SIZE 16384 /* measured: 10,000 bytes on x86-64 and aarch64; fmus/c/measure.c ends with an error above it */
-#define N_FORCES 3 /* axial, normal, side */
 #define STANDARD_GRAVITY 9.80665 /* [m/s2] */
 
 /* Fields of a record. */

@@ -39,15 +39,10 @@ void linear_outputs(Linear *linear);
 /* Set linear->other_loads->value for the last step. */
 void linear_other_loads_update(Linear *linear);
 
-/* Variances by gauge noise (n_gauges) and a part of the variance of q_inf: of the outputs of loads (5), of coefficients (5).
-   scratch takes (5, linear_noise_row). */
+/* Variances of load k and of its coefficient, whose outputs are set, by gauge noise (n_gauges) and a part of the variance of
+   q_inf. gain takes (2, linear_noise_row). */
 size_t linear_noise_row(const Map *map);
-void linear_noise(Linear *linear, const double *gauge_noise, double of_pressure, double *scratch, double *of_loads,
-                  double *of_coefficients);
-
-/* The same of loads and coefficients (n_loads) in addition to the five, whose outputs are set. */
-void linear_other_noise(Linear *linear, const double *gauge_noise, double of_pressure, double *scratch,
-                        double *of_loads, double *of_coefficients);
+void linear_noise(Linear *linear, size_t k, const double *gauge_noise, double of_pressure, double *gain, double noise[2]);
 
 /* Hand out the arrays; map, other_loads and wide are set. */
 void linear_arrays(Map *map, size_t n_strains, Linear *linear, Room *room);

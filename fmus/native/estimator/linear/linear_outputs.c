@@ -237,33 +237,34 @@ static void set_envelope_score(Linear *linear, const ScaledStep *step) {
     linear->output[ENVELOPE_SCORE] = envelope_score(linear, coefficients, covariance);
 }
 
-/* Loads about the moment point of the settings, with the error of the dynamic pressure if it is known. */
-static void set_loads(Linear *linear, const ScaledStep *step, double *per_pressure, double *variance) {
-    const double shift = moment_shift(linear->inputs);
-    double *output = linear->output;
-    memcpy(output + LOADS, step->loads, sizeof step->loads);
-    memcpy(per_pressure, step->per_pressure, sizeof step->per_pressure);
-    move_moments(shift, output + LOADS);
-    move_moments(shift, per_pressure);
-    for (size_t i = 0; i < N_LOADS; i++) {
-        double with_force;
-        const double of_pressure = per_pressure[i] * linear->flow.deviation;
-        variance[i] = i < 3 ? step->covariance[i * N_LOADS + i] : moved_variance(step->covariance, i, shift, &with_force);
-        output[LOADS_STD + i] = sqrt(variance[i] + of_pressure * of_pressure);
-    }
+/* Load k, of value and variance at the q of the step and with df/dq, and its coefficient, which is not known without q. */
+static void put(const Linear *linear, size_t k, double value, double variance, double per_pressure) {
+    const double q = linear->flow.pressure, deviation = linear->flow.deviation;
+    const LoadOutput out = load_output(linear->output, linear->other_loads, k);
+    const double scale = linear->flow.known ? 1.0 / (q * own_reference(linear->inputs, out.is_moment)) : NAN;
+    const double of_pressure = per_pressure * deviation, coefficient = scale * value;
+    const double of_both = (scale * per_pressure - coefficient / q) * deviation;
+    *out.value = value;
+    *out.std = sqrt(variance + of_pressure * of_pressure);
+    *out.coefficient = coefficient;
+    *out.coefficient_std = sqrt(scale * scale * variance + of_both * of_both);
 }
 
-/* C at the references of the settings, and standard deviations. */
-static void set_coefficients(Linear *linear, const double *per_pressure, const double *variance) {
-    const double *scalar = linear->inputs->value + linear->map->n_gauges;
-    const double q = linear->flow.pressure, q_std = linear->flow.deviation;
-    double *output = linear->output, scale[N_LOADS];
-    coefficient_scales(q, scalar[REFERENCE_AREA], scalar[REFERENCE_LENGTH], scale);
+/* The five about the moment point of the settings. */
+static void put_five(const Linear *linear, const ScaledStep *step) {
+    const double shift = moment_shift(linear->inputs), *covariance = step->covariance;
+    double loads[N_LOADS], per_pressure[N_LOADS];
+    memcpy(loads, step->loads, sizeof loads);
+    memcpy(per_pressure, step->per_pressure, sizeof per_pressure);
+    move_moments(shift, loads);
+    move_moments(shift, per_pressure);
     for (size_t i = 0; i < N_LOADS; i++) {
-        const double coefficient = scale[i] * output[LOADS + i];
-        const double of_both = (scale[i] * per_pressure[i] - coefficient / q) * q_std;
-        output[COEFFICIENTS + i] = coefficient;
-        output[COEFFICIENTS_STD + i] = sqrt(scale[i] * scale[i] * variance[i] + of_both * of_both);
+        double variance = covariance[i * N_LOADS + i];
+        if (i >= N_FORCES) {
+            const double cross = covariance[i * N_LOADS + i - 2], of_force = covariance[(i - 2) * (N_LOADS + 1)];
+            variance = (variance + shift * cross) + shift * (cross + shift * of_force);
+        }
+        put(linear, i, loads[i], variance, per_pressure[i]);
     }
 }
 
@@ -271,19 +272,13 @@ void linear_outputs(Linear *linear) {
     const Map *map = linear->map;
     const MaskedMap *m = linear->prepared.masked;
     const ScaledStep *step = &linear->scaled.step;
-    double per_pressure[N_LOADS], variance[N_LOADS];
     scaled_condition(&linear->scaled, m, linear->flow.pressure, linear->inputs->strain);
     const double limits = scalar_input(linear->inputs, ALARM_SCALE) * step->limit_ratio;
     linear->output[CHI_SQUARE] = step->chi_square;
     linear->output[CHI_SQUARE_LIMIT] = map->chi_square_scale * m->chi_square_limit * limits;
     set_suspects(linear, m->outlier_threshold * sqrt(map->outlier_scale * limits));
     set_envelope_score(linear, step);
-    set_loads(linear, step, per_pressure, variance);
-    if (linear->flow.known) {
-        set_coefficients(linear, per_pressure, variance);
-    } else {
-        set_unknown_from(linear->output, COEFFICIENTS, LOADS);
-    }
+    put_five(linear, step);
 }
 
 /* Loads in addition to the five by the linear estimator, computed when they are read.
@@ -294,22 +289,13 @@ void linear_outputs(Linear *linear) {
    docs/explanation/dynamic_pressure.md, "Weights at any dynamic pressure". */
 
 void linear_other_loads_update(Linear *linear) {
-    OtherLoads *other_loads = linear->other_loads;
-    const double *scalar = linear->inputs->value + linear->map->n_gauges;
     const int known = linear->prepared.masked->identified && linear->flow.known;
-    for (size_t j = 0; j < other_loads->map.n_loads; j++) {
-        double value = NAN, variance = NAN, per_pressure = NAN, scale = NAN;
+    for (size_t k = N_LOADS; k < linear->scaled.n_loads; k++) {
+        double value = NAN, variance = NAN, per_pressure = NAN;
         if (known) {
-            const double length = other_loads->map.is_moment[j] > 0.0 ? scalar[REFERENCE_LENGTH] : 1.0;
-            scaled_other_load(&linear->scaled, j, &value, &variance, &per_pressure);
-            scale = 1.0 / (linear->flow.pressure * (scalar[REFERENCE_AREA] * length));
+            scaled_other_load(&linear->scaled, k, &value, &variance, &per_pressure);
         }
-        const double of_pressure = per_pressure * linear->flow.deviation, coefficient = scale * value;
-        const double of_both = scale * of_pressure - coefficient * (linear->flow.deviation / linear->flow.pressure);
-        other_loads->value[OTHER_LOADS][j] = value;
-        other_loads->value[OTHER_LOADS_STD][j] = sqrt(variance + of_pressure * of_pressure);
-        other_loads->value[OTHER_COEFFICIENTS][j] = coefficient;
-        other_loads->value[OTHER_COEFFICIENTS_STD][j] = sqrt(scale * scale * variance + of_both * of_both);
+        put(linear, k, value, variance, per_pressure);
     }
 }
 
@@ -341,49 +327,18 @@ static double square(double x) {
     return x * x;
 }
 
-/* nu of a load, of which strain has a part, and of its coefficient. */
-static void set_noise(const Linear *linear, double strain, double of_pressure, double per_pressure, double scale,
-                      double coefficient, double *of_load, double *of_coefficient) {
-    const double deviation = linear->flow.deviation;
-    const double of_both = scale * per_pressure - coefficient / linear->flow.pressure;
-    *of_load = strain + of_pressure * square(per_pressure * deviation);
-    *of_coefficient = scale * scale * strain + of_pressure * square(of_both * deviation);
-}
-
-void linear_noise(Linear *linear, const double *gauge_noise, double of_pressure, double *scratch, double *of_loads,
-                  double *of_coefficients) {
-    const size_t n = linear->map->n_gauges, row = linear_noise_row(linear->map);
-    const double *scalar = linear->inputs->value + n, *output = linear->output;
-    const double shift = moment_shift(linear->inputs), q = linear->flow.pressure;
-    double per_pressure[N_LOADS], scale[N_LOADS];
-    memcpy(per_pressure, linear->scaled.step.per_pressure, sizeof per_pressure);
-    move_moments(shift, per_pressure);
-    coefficient_scales(q, scalar[REFERENCE_AREA], scalar[REFERENCE_LENGTH], scale);
-    for (size_t i = 0; i < N_LOADS; i++) {
-        scaled_gain(&linear->scaled, i, scratch + i * row);
-    }
-    for (size_t i = 0; i < N_LOADS; i++) {
-        double *gain = scratch + i * row;
-        /* Rows of forces stand before rows of moments and are not moved: i - 2 is the force of moment i. */
-        for (size_t g = 0; g < n && i >= 3; g++) {
-            gain[g] += shift * scratch[(i - 2) * row + g];
-        }
-        set_noise(linear, noise_of(n, gauge_noise, gain), of_pressure, per_pressure[i], scale[i], output[COEFFICIENTS + i],
-                  &of_loads[i], &of_coefficients[i]);
-    }
-}
-
-void linear_other_noise(Linear *linear, const double *gauge_noise, double of_pressure, double *scratch,
-                        double *of_loads, double *of_coefficients) {
-    const OtherLoads *other_loads = linear->other_loads;
+void linear_noise(Linear *linear, size_t k, const double *gauge_noise, double of_pressure, double *gain, double noise[2]) {
     const size_t n = linear->map->n_gauges;
-    const double *scalar = linear->inputs->value + n;
-    double scale[N_LOADS];
-    coefficient_scales(linear->flow.pressure, scalar[REFERENCE_AREA], scalar[REFERENCE_LENGTH], scale);
-    for (size_t j = 0; j < other_loads->map.n_loads; j++) {
-        const double per_pressure = scaled_gain(&linear->scaled, N_LOADS + j, scratch);
-        set_noise(linear, noise_of(n, gauge_noise, scratch), of_pressure, per_pressure,
-                  scale[other_loads->map.is_moment[j] > 0.0 ? 3 : 0], other_loads->value[OTHER_COEFFICIENTS][j], &of_loads[j],
-                  &of_coefficients[j]);
+    const LoadOutput out = load_output(linear->output, linear->other_loads, k);
+    const double shift = k < N_LOADS && out.is_moment ? moment_shift(linear->inputs) : 0.0, q = linear->flow.pressure;
+    const double scale = 1.0 / (q * own_reference(linear->inputs, out.is_moment));
+    double per_pressure = scaled_gain(&linear->scaled, k, gain);
+    if (shift != 0.0) {
+        double *of_force = gain + linear_noise_row(linear->map);
+        per_pressure += shift * scaled_gain(&linear->scaled, k - 2, of_force);
+        add_times(n, shift, of_force, gain);
     }
+    const double strain = noise_of(n, gauge_noise, gain), of_both = scale * per_pressure - *out.coefficient / q;
+    noise[0] = strain + of_pressure * square(per_pressure * linear->flow.deviation);
+    noise[1] = scale * scale * strain + of_pressure * square(of_both * linear->flow.deviation);
 }

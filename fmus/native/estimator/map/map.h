@@ -103,6 +103,7 @@ int map_close(MapFile *file);
    describes them. */
 
 #define N_LOADS 5
+#define N_FORCES 3 /* of them the first: axial, normal, side; the moments of the last two follow */
 #define N_PAIRS 21 /* products c_a c_b, a <= b, of c = [1, the five coefficients] */
 
 /* Half-spaces of the coefficients n'C <= limit, and ranges of the flight state, which may be infinite. */
@@ -185,6 +186,11 @@ typedef struct {
     int has_gain_error;  /* of any row's own */
     MAP_MEMBERS(FLIGHT)
 } FlightMap;
+
+/* The reference of a coefficient: an area, of a moment times a length. */
+static inline double map_reference(const FlightMap *map, int is_moment) {
+    return map->reference_area * (is_moment ? map->reference_length : 1.0);
+}
 
 /* Read tables of n_rows rows of a part, whose knots are known. 1; 0 with a text. */
 int tables_parse(MapFile *file, const char *part, size_t n_rows, TableMap *tables);

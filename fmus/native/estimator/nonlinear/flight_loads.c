@@ -102,14 +102,14 @@ static void flight_turn_full(const FlightSolver *solver, const double *strain_co
 
 /* Derivatives of a load and of its coefficient by the state in the full model, and what they are apart from its estimates. */
 typedef struct {
-    double by_state[N_STATES], apart, of_coefficient[N_STATES], coefficient_apart;
+    double by_state[N_STATES], apart, of_coefficient[N_STATES], coefficient_apart, scale;
 } LoadErrors;
 
 /* J_L - K_full J and f - f_full of a row, and both of its coefficient. */
 static LoadErrors flight_load_errors(const FlightSolver *solver, const PressureErrors *pressure, const Response *response,
                               size_t row, double value, const double *turned, double scale) {
     const FullModel *full = &solver->full;
-    LoadErrors errors;
+    LoadErrors errors = {.scale = scale};
     const double of_full = flight_corrected(solver, full->right, response, row, turned, errors.by_state);
     errors.apart = value - of_full - along_state(errors.by_state, full->shift);
     for (size_t k = 0; k < N_STATES; k++) {
@@ -127,12 +127,22 @@ static double flight_load_square(const FlightSolver *solver, double square, size
          - dot(solver->n, turned, other_turned);
 }
 
+/* cov f of two loads of which strain leaves `remaining`, and in *of_coefficients that of their coefficients. */
+static double covariance_of(const FlightSolver *solver, const PressureErrors *pressure, const LoadErrors *a, const LoadErrors *b,
+                            double remaining, double *of_coefficients) {
+    const double *of_state = solver->full.state_covariance;
+    const double of_both = quadratic(N_STATES, a->of_coefficient, of_state, b->of_coefficient) + a->scale * remaining * b->scale
+                         + a->coefficient_apart * b->coefficient_apart;
+    *of_coefficients = pressure->wider * of_both;
+    return quadratic(N_STATES, a->by_state, of_state, b->by_state) + remaining + a->apart * b->apart;
+}
+
 void flight_set_loads(FlightSolver *solver) {
     const FlightMap *map = solver->map;
     const size_t n = solver->n;
     FullModel *full = &solver->full;
     Solution *solution = &solver->solution;
-    double *turned = solver->turned, by_state[N_STATES], scale[N_LOADS];
+    double *turned = solver->turned, by_state[N_STATES];
     LoadErrors errors[N_LOADS];
     for (size_t i = 0; i < N_STATES; i++) {
         for (size_t j = 0; j < N_STATES; j++) {
@@ -145,12 +155,11 @@ void flight_set_loads(FlightSolver *solver) {
     flight_turn_full(solver, map->load_strain_covariance, map->considered_load_strain_covariance, 0, N_LOADS, full->turned);
     for (size_t i = 0; i < N_LOADS; i++) {
         const size_t row = solver->n_gauges + i;
-        const double reference = i < 3 ? map->reference_area : map->reference_area * map->reference_length;
-        scale[i] = 1.0 / (pressure.dynamic * reference);
+        const double scale = 1.0 / (pressure.dynamic * map_reference(map, i >= N_FORCES));
         solution->loads[i] = flight_corrected(solver, solver->right, &solver->response, row, turned + i * n, by_state);
-        solution->coefficients[i] = scale[i] * solution->loads[i];
+        solution->coefficients[i] = scale * solution->loads[i];
         errors[i] = flight_load_errors(solver, &pressure, &solver->response, row, solution->loads[i], full->turned + i * n,
-                                       scale[i]);
+                                       scale);
     }
     for (size_t i = 0; i < N_LOADS; i++) {
         for (size_t j = 0; j < N_LOADS; j++) {
@@ -159,12 +168,7 @@ void flight_set_loads(FlightSolver *solver) {
                 flight_load_square(solver, map->load_covariance[at] + map->considered_load_covariance[at], i, j,
                                    full->turned + i * n, full->turned + j * n);
             solution->load_covariance[at] =
-                quadratic(N_STATES, errors[i].by_state, full->state_covariance, errors[j].by_state) + remaining
-                + errors[i].apart * errors[j].apart;
-            solution->coefficient_covariance[at] =
-                pressure.wider
-                * (quadratic(N_STATES, errors[i].of_coefficient, full->state_covariance, errors[j].of_coefficient)
-                   + scale[i] * remaining * scale[j] + errors[i].coefficient_apart * errors[j].coefficient_apart);
+                covariance_of(solver, &pressure, &errors[i], &errors[j], remaining, &solution->coefficient_covariance[at]);
         }
     }
 }
@@ -361,26 +365,20 @@ static double joined(double std, double variance) {
    references of the map to references of the settings. */
 static void set_load(const FlightOtherLoads *other_loads, const FlightSolver *solver, const Inputs *inputs, size_t j,
                      const PressureErrors *pressure, OtherLoads *out) {
-    const FlightMap *map = solver->map;
     const FlightOtherLoadsMap *own_map = &other_loads->map;
     const Response *response = &other_loads->response;
-    const double *full_turned = other_loads->full_turned + j * solver->n, *covariance = solver->full.state_covariance;
+    const double *full_turned = other_loads->full_turned + j * solver->n;
     const int is_moment = out->map.is_moment[j] > 0.0;
-    const double reference = map->reference_area * (is_moment ? map->reference_length : 1.0);
-    const double own =
-        scalar_input(inputs, REFERENCE_AREA) * (is_moment ? scalar_input(inputs, REFERENCE_LENGTH) : 1.0);
-    const double scale = 1.0 / (pressure->dynamic * reference), turn = reference / own;
-    double by_state[N_STATES];
+    const double reference = map_reference(solver->map, is_moment);
+    const double scale = 1.0 / (pressure->dynamic * reference), turn = reference / own_reference(inputs, is_moment);
+    double by_state[N_STATES], of_coefficient;
     const double load =
         flight_corrected(solver, solver->right, response, j, other_loads->turned + j * solver->n, by_state);
     const LoadErrors errors = flight_load_errors(solver, pressure, response, j, load, full_turned, scale);
     const double left = flight_load_square(solver, own_map->variance[j] + own_map->considered_variance[j], N_LOADS + j,
                                            N_LOADS + j, full_turned, full_turned);
     const double remaining = left > 0.0 ? left : 0.0; /* of a load that strain determines wholly, rounding leaves less */
-    const double variance =
-        quadratic(N_STATES, errors.by_state, covariance, errors.by_state) + remaining + errors.apart * errors.apart;
-    const double of_both = quadratic(N_STATES, errors.of_coefficient, covariance, errors.of_coefficient)
-                         + scale * scale * remaining + errors.coefficient_apart * errors.coefficient_apart;
+    const double variance = covariance_of(solver, pressure, &errors, &errors, remaining, &of_coefficient);
     const double *widening = solver->solution.widening + N_STATES;
     const int is_widened = widening[0] != 0.0;
     const double of_load = is_widened ? widening_of(widening, &out->map, j) : 1.0;
@@ -391,7 +389,7 @@ static void set_load(const FlightOtherLoads *other_loads, const FlightSolver *so
     out->value[OTHER_LOADS_STD][j] = joined(of_load * sqrt(variance), others[0]);
     out->value[OTHER_COEFFICIENTS][j] = turn * (scale * load);
     out->value[OTHER_COEFFICIENTS_STD][j] =
-        joined(of_other * turn * sqrt(pressure->wider * of_both), turn * turn * others[1]);
+        joined(of_other * turn * sqrt(of_coefficient), turn * turn * others[1]);
 }
 
 void flight_other_loads_at(FlightOtherLoads *other_loads, const FlightSolver *solver, const Inputs *inputs, OtherLoads *out) {

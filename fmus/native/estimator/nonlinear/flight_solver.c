@@ -84,8 +84,7 @@ static void set_coefficients(const FlightSolver *solver, double c[1 + N_LOADS]) 
     const double *loads = solver->response.value + solver->n_gauges;
     c[0] = 1.0;
     for (size_t i = 0; i < N_LOADS; i++) {
-        const double reference = i < 3 ? map->reference_area : map->reference_area * map->reference_length;
-        c[1 + i] = loads[i] / (solver->response.pressure * reference);
+        c[1 + i] = loads[i] / (solver->response.pressure * map_reference(map, i >= N_FORCES));
     }
 }
 

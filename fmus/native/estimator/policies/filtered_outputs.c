@@ -3,8 +3,8 @@
    Channels of every map are five loads and five coefficients as they are put out; of a map with tables then the
    flight state (M, u, w, ln p_inf); then loads and coefficients in addition to the five. Each has the value and
    variance of the sample alone, and nu, the part of the variance that noise makes: responses of the solution to
-   noise, squared (linear/linear_outputs.c, below). At moment point and references of the settings a
-   row of a moment is row_M + shift row_F, so that rows are combined before they are squared.
+   noise, squared (linear/linear_outputs.c, below). About the moment point of the settings a response of a moment is that
+   about the map's point plus shift times that of its force.
 
    Filtered values replace loads and coefficients; air data follow from the filtered state, whose covariance is the
    sample's with rows and columns times the factors of its channels. Health, chi-square and residuals stay the single
@@ -15,6 +15,34 @@
 #include "policies.h"
 
 #include <math.h>
+
+static size_t n_loads(const Flight *flight) {
+    return N_LOADS + flight->loads->map.n_loads;
+}
+
+/* Channels of load k and of its coefficient. */
+static size_t load_channel(const Flight *flight, size_t k) {
+    return k < N_LOADS ? LOAD_CHANNELS + k : STATE_CHANNELS + (flight->present ? N_STATES : 0) + k - N_LOADS;
+}
+
+static size_t coefficient_channel(const Flight *flight, size_t k) {
+    return k < N_LOADS ? COEFFICIENT_CHANNELS + k : load_channel(flight, k) + flight->loads->map.n_loads;
+}
+
+/* The row of load k in tables; about the moment point of the settings `shift` times that of its force, two rows before, is
+   added. */
+typedef struct {
+    const Response *response;
+    size_t row;
+    double shift;
+} LoadRow;
+
+static LoadRow row_of(const Flight *flight, size_t k) {
+    if (k >= N_LOADS) {
+        return (LoadRow){&flight->other_loads.response, k - N_LOADS, 0.0};
+    }
+    return (LoadRow){&flight->solver.response, flight->solver.n_gauges + k, k >= N_FORCES ? moment_shift(flight->inputs) : 0.0};
+}
 
 /* Steps without any strain: the last filtered estimate stays, and its standard deviations grow with the time since
    then.
@@ -68,54 +96,33 @@ static void set_variances(const Filter *filter, size_t load, size_t coefficient,
     variance[1] = filter->last_variance[coefficient] + square_of_spread(of_coefficient, spread);
 }
 
-static void coast_loads(Flight *flight, const Filter *filter, const double *by_pressure, const double *scale,
-                        const double *spread) {
-    const Response *response = &flight->solver.response;
-    const double shift = moment_shift(flight->inputs);
-    for (size_t i = 0; i < N_LOADS; i++) {
-        const size_t row = flight->solver.n_gauges + i;
+/* The last loads, with variances by the slopes at the flight state of the responses. */
+static void coast_loads(Flight *flight, const Filter *filter, const double *by_pressure, const double *spread) {
+    for (size_t i = 0; i < n_loads(flight); i++) {
+        const LoadOutput out = load_output(flight->output, flight->loads, i);
+        const LoadRow at = row_of(flight, i);
+        const size_t load = load_channel(flight, i), coefficient = coefficient_channel(flight, i);
+        const double scale = 1.0 / (flight->real[AIR_DYNAMIC] * own_reference(flight->inputs, out.is_moment));
         double slope[N_STATES], variance[2];
         for (size_t k = 0; k < N_STATES; k++) {
-            slope[k] = response->jacobian[k][row] + (i >= 3 ? shift * response->jacobian[k][row - 2] : 0.0);
+            const double *jacobian = at.response->jacobian[k];
+            slope[k] = jacobian[at.row] + (at.shift != 0.0 ? at.shift * jacobian[at.row - 2] : 0.0);
         }
-        set_variances(filter, LOAD_CHANNELS + i, COEFFICIENT_CHANNELS + i, slope, scale[i], by_pressure, spread, variance);
-        flight->output[LOADS + i] = filter->last_value[LOAD_CHANNELS + i];
-        flight->output[COEFFICIENTS + i] = filter->last_value[COEFFICIENT_CHANNELS + i];
-        flight->output[LOADS_STD + i] = sqrt(variance[0]);
-        flight->output[COEFFICIENTS_STD + i] = sqrt(variance[1]);
+        set_variances(filter, load, coefficient, slope, scale, by_pressure, spread, variance);
+        *out.value = filter->last_value[load];
+        *out.coefficient = filter->last_value[coefficient];
+        *out.std = sqrt(variance[0]);
+        *out.coefficient_std = sqrt(variance[1]);
     }
-}
-
-static void coast_other_loads(Flight *flight, const Filter *filter, const double *outer, const double *by_pressure,
-                              const double *scale, const double *spread) {
-    OtherLoads *out = flight->loads;
-    FlightOtherLoads *tables = &flight->other_loads;
-    const size_t m = out->map.n_loads, first = STATE_CHANNELS + N_STATES;
-    if (m == 0) {
-        return;
-    }
-    flight_response(&tables->tables, flight->solver.wide, outer, &tables->response);
-    for (size_t j = 0; j < m; j++) {
-        double slope[N_STATES], variance[2];
-        for (size_t k = 0; k < N_STATES; k++) {
-            slope[k] = tables->response.jacobian[k][j];
-        }
-        set_variances(filter, first + j, first + m + j, slope, scale[out->map.is_moment[j] > 0.0 ? 3 : 0], by_pressure,
-                      spread, variance);
-        out->value[OTHER_LOADS][j] = filter->last_value[first + j];
-        out->value[OTHER_COEFFICIENTS][j] = filter->last_value[first + m + j];
-        out->value[OTHER_LOADS_STD][j] = sqrt(variance[0]);
-        out->value[OTHER_COEFFICIENTS_STD][j] = sqrt(variance[1]);
-    }
-    out->outdated = 0;
+    flight->loads->outdated = 0;
 }
 
 /* Set all outputs by the last filtered sample, a time ago [s]: rates of the flight state are those that the map allows and
    those last seen. Where it is no longer identified, nothing is known. */
 static void flight_coast(Flight *flight, Filter *filter, double time) {
-    const double *state = filter->last_value + STATE_CHANNELS, *scalar = flight->inputs->value + flight->solver.n_gauges;
+    const double *state = filter->last_value + STATE_CHANNELS;
     Solution *solution = &flight->solver.solution;
-    double spread[N_STATES], outer[N_STATES], scale[N_LOADS];
+    double spread[N_STATES], outer[N_STATES];
     coast_spread(filter, time, spread);
     memcpy(solution->state, state, sizeof solution->state);
     memset(solution->widened_covariance, 0, sizeof solution->widened_covariance);
@@ -132,9 +139,10 @@ static void flight_coast(Flight *flight, Filter *filter, double time) {
     const double by_pressure[N_STATES] = {2.0 / flight->real[AIR_MACH_NUMBER], 0.0, 0.0, 1.0};
     set_slope_state(flight, state, spread, outer);
     flight_response(&flight->solver.tables, flight->solver.wide, outer, &flight->solver.response);
-    coefficient_scales(flight->real[AIR_DYNAMIC], scalar[REFERENCE_AREA], scalar[REFERENCE_LENGTH], scale);
-    coast_loads(flight, filter, by_pressure, scale, spread);
-    coast_other_loads(flight, filter, outer, by_pressure, scale, spread);
+    if (n_loads(flight) > N_LOADS) {
+        flight_response(&flight->other_loads.tables, flight->solver.wide, outer, &flight->other_loads.response);
+    }
+    coast_loads(flight, filter, by_pressure, spread);
     flight->conditions = FILTER_HOLDS;
     filter->coasts = 1;
 }
@@ -150,11 +158,11 @@ static void flight_coast(Flight *flight, Filter *filter, double time) {
    b (of_air) is the part of the variance of air data that is noise. The state responds by dx/dd = H^-1 J' S^-1 and
    dx/dz_m = H^-1 H_m' / sigma_m^2, where `right` holds L^-1 J. A load f = L(x) + K r has df/dd = (J_L - K J) dx/dd +
    K, df/dz = (J_L - K J) dx/dz; a coefficient scale df - C d ln q/dx dx, widened as q_inf is (flight_loads.c).
-   Covariance of two outputs is the product of their rows, which the transfer of moments needs.
    docs/explanation/filter.md, "Model". */
 
-/* Rows (N_NOISE_ROWS, n + LANES) are of the flight state, five loads, five coefficients at the references of the map. */
-#define N_NOISE_ROWS (N_STATES + 2 * N_LOADS)
+/* Length of a row. Scratch are rows of the state, of d ln q, of a load, of its strain and of its coefficient; then L^-1 of
+   strain of five vectors. */
+#define N_NOISE_ROWS (N_STATES + 4 + N_LOADS)
 static size_t flight_noise_row(size_t n_gauges) {
     return in_lanes(n_gauges) + LANES;
 }
@@ -211,39 +219,6 @@ static void set_state_rows(const FlightSolver *solver, const double *gauge_noise
     }
 }
 
-/* wider (scale df - C d ln q/dx dx), from the row of the load. */
-static void set_coefficient_row(const FlightSolver *solver, const PressureErrors *pressure, double scale, double coefficient,
-                                const double *rows, const double *of_load, double *out) {
-    const size_t row = flight_noise_row(solver->n_gauges);
-    const double wider = sqrt(pressure->wider);
-    combine_rows(solver, pressure->by_state, rows, NULL, out);
-    for (size_t g = 0; g < row; g++) {
-        out[g] = wider * (scale * of_load[g] - coefficient * out[g]);
-    }
-}
-
-/* Set them for gauges with these variances of noise (n_gauges), and the part of the variance of air data that is noise; of
-   the last solution. rows take another (N_STATES + N_LOADS) of them as scratch. */
-static void flight_noise_rows(const FlightSolver *solver, const double *gauge_noise, double of_air, double *rows) {
-    const FlightMap *map = solver->map;
-    const size_t n = solver->n, row = flight_noise_row(solver->n_gauges);
-    const PressureErrors pressure = flight_pressure_errors(solver);
-    double *loads = rows + N_STATES * row, *coefficients = loads + N_LOADS * row, *scratch = coefficients + N_LOADS * row;
-    double by_state[N_LOADS][N_STATES];
-    set_state_rows(solver, gauge_noise, of_air, rows, scratch);
-    flight_turn(solver, map->load_strain_covariance, N_LOADS, scratch);
-    for (size_t i = 0; i < N_LOADS; i++) {
-        flight_corrected(solver, solver->right, &solver->response, solver->n_gauges + i, scratch + i * n, by_state[i]);
-    }
-    turn_to_noise(solver, gauge_noise, N_LOADS, scratch);
-    for (size_t i = 0; i < N_LOADS; i++) {
-        const double reference = i < 3 ? map->reference_area : map->reference_area * map->reference_length;
-        combine_rows(solver, by_state[i], rows, scratch + i * n, loads + i * row);
-        set_coefficient_row(solver, &pressure, 1.0 / (pressure.dynamic * reference), solver->solution.coefficients[i], rows,
-                            loads + i * row, coefficients + i * row);
-    }
-}
-
 static double square_of(size_t count, const double *x) {
     double sum = 0.0;
     for (size_t k = 0; k < count; k++) {
@@ -252,42 +227,56 @@ static double square_of(size_t count, const double *x) {
     return sum;
 }
 
-/* The same of loads in addition to the five, one row at a time: only their variances are needed. */
-static void flight_other_noise(FlightOtherLoads *other_loads, const FlightSolver *solver, const Inputs *inputs,
-                        const OtherLoads *out, const double *gauge_noise, const double *rows, double *scratch,
-                        double *of_loads, double *of_coefficients) {
-    const FlightMap *map = solver->map;
-    const size_t n = solver->n, row = flight_noise_row(solver->n_gauges), m = other_loads->map.tables.n_rows;
-    const PressureErrors pressure = flight_pressure_errors(solver);
-    double *of_load = scratch, *of_coefficient = scratch + row;
-    for (size_t j = 0; j < m; j++) {
-        const int is_moment = out->map.is_moment[j] > 0.0;
-        const double reference = map->reference_area * (is_moment ? map->reference_length : 1.0);
-        const double own =
-            scalar_input(inputs, REFERENCE_AREA) * (is_moment ? scalar_input(inputs, REFERENCE_LENGTH) : 1.0);
-        const double scale = 1.0 / (pressure.dynamic * reference), turn = reference / own;
-        double by_state[N_STATES], *turned = other_loads->turned + j * n;
-        flight_corrected(solver, solver->right, &other_loads->response, j, turned, by_state);
-        turn_to_noise(solver, gauge_noise, 1, turned);
-        combine_rows(solver, by_state, rows, turned, of_load);
-        set_coefficient_row(solver, &pressure, scale, scale * out->value[OTHER_LOADS][j], rows, of_load, of_coefficient);
-        of_loads[j] = square_of(row, of_load);
-        of_coefficients[j] = turn * turn * square_of(row, of_coefficient);
+/* nu of load i and of its coefficient, from rows of the state and of d ln q behind them, and L^-1 of the covariance of loads
+   with strain (n) as flight_turn has it; `scratch` takes three rows. */
+static void set_load_noise(Filter *filter, const Flight *flight, const PressureErrors *pressure, size_t i, const double *turned,
+                           const double *rows, double *scratch) {
+    const FlightSolver *solver = &flight->solver;
+    const size_t n = solver->n, row = flight_noise_row(solver->n_gauges);
+    const LoadOutput out = load_output(flight->output, flight->loads, i);
+    const LoadRow at = row_of(flight, i);
+    const double scale = 1.0 / (pressure->dynamic * own_reference(flight->inputs, out.is_moment));
+    double by_state[N_STATES], of_force[N_STATES], wider = sqrt(pressure->wider);
+    double *strain = scratch, *of_load = strain + row, *of_coefficient = of_load + row;
+    const double *of_pressure = rows + N_STATES * row;
+    flight_corrected(solver, solver->right, at.response, at.row, turned, by_state);
+    memcpy(strain, turned, n * sizeof *strain);
+    if (at.shift != 0.0) {
+        flight_corrected(solver, solver->right, at.response, at.row - 2, turned - 2 * n, of_force);
+        add_times(N_STATES, at.shift, of_force, by_state);
+        add_times(n, at.shift, turned - 2 * n, strain);
     }
+    turn_to_noise(solver, filter->map.noise, 1, strain);
+    combine_rows(solver, by_state, rows, strain, of_load);
+    for (size_t g = 0; g < row; g++) {
+        of_coefficient[g] = wider * (scale * of_load[g] - *out.coefficient * of_pressure[g]);
+    }
+    filter->noise[load_channel(flight, i)] = square_of(row, of_load);
+    filter->noise[coefficient_channel(flight, i)] = square_of(row, of_coefficient);
 }
 
-static size_t first_other(const Flight *flight) {
-    return STATE_CHANNELS + (flight->present ? N_STATES : 0);
-}
-
-static size_t other_count(const Flight *flight) {
-    return flight->loads->present ? flight->loads->map.n_loads : 0;
+/* nu of all channels of a map with tables. */
+static void set_flight_noise(Filter *filter, const Flight *flight) {
+    const FlightSolver *solver = &flight->solver;
+    const size_t n = solver->n, row = flight_noise_row(solver->n_gauges);
+    const PressureErrors pressure = flight_pressure_errors(solver);
+    double *rows = filter->row, *of_pressure = rows + N_STATES * row, *scratch = of_pressure + row, *turned = scratch + 3 * row;
+    set_state_rows(solver, filter->map.noise, filter->map.white_navigation, rows, turned);
+    combine_rows(solver, pressure.by_state, rows, NULL, of_pressure);
+    for (size_t k = 0; k < N_STATES; k++) {
+        filter->noise[STATE_CHANNELS + k] = square_of(row, rows + k * row);
+    }
+    flight_turn(solver, flight->map.load_strain_covariance, N_LOADS, turned);
+    for (size_t i = 0; i < n_loads(flight); i++) {
+        const double *of_strain = i < N_LOADS ? turned + i * n : flight->other_loads.turned + (i - N_LOADS) * n;
+        set_load_noise(filter, flight, &pressure, i, of_strain, rows, scratch);
+    }
 }
 
 int filtered_outputs_create(MapFile *file, const Flight *flight, Filter *filter) {
     const Map *map = flight->inputs->map;
-    const size_t of_flight = (N_NOISE_ROWS + N_STATES + N_LOADS + 2) * flight_noise_row(map->n_gauges);
-    const size_t of_linear = N_LOADS * linear_noise_row(map), channels = first_other(flight) + 2 * other_count(flight);
+    const size_t of_flight = N_NOISE_ROWS * flight_noise_row(map->n_gauges), of_linear = 2 * linear_noise_row(map);
+    const size_t channels = 2 * n_loads(flight) + (flight->present ? N_STATES : 0);
     return filter_create(file, flight->inputs, channels, flight->present ? of_flight : of_linear, filter);
 }
 
@@ -295,83 +284,26 @@ static double square(double x) {
     return x * x;
 }
 
-/* Outputs that are channels: from a channel on, values and their standard deviations. */
-typedef struct {
-    size_t channel, count;
-    double *value, *std;
-} ChannelRun;
-
-enum { N_CHANNEL_RUNS = 4 };
-
-static void list_runs(const Flight *flight, ChannelRun run[N_CHANNEL_RUNS]) {
-    const size_t m = other_count(flight), first = first_other(flight);
-    double *output = flight->output, *const *value = flight->loads->value;
-    run[0] = (ChannelRun){LOAD_CHANNELS, N_LOADS, output + LOADS, output + LOADS_STD};
-    run[1] = (ChannelRun){COEFFICIENT_CHANNELS, N_LOADS, output + COEFFICIENTS, output + COEFFICIENTS_STD};
-    run[2] = (ChannelRun){first, m, value[OTHER_LOADS], value[OTHER_LOADS_STD]};
-    run[3] = (ChannelRun){first + m, m, value[OTHER_COEFFICIENTS], value[OTHER_COEFFICIENTS_STD]};
-}
-
 static void set_loads(Filter *filter, Flight *flight) {
-    ChannelRun run[N_CHANNEL_RUNS];
-    list_runs(flight, run);
-    if (other_count(flight) > 0) {
+    if (n_loads(flight) > N_LOADS) {
         flight_other_loads_update(flight);
     }
-    for (size_t r = 0; r < N_CHANNEL_RUNS; r++) {
-        for (size_t k = 0; k < run[r].count; k++) {
-            filter->value[run[r].channel + k] = run[r].value[k];
-            filter->variance[run[r].channel + k] = square(run[r].std[k]);
-        }
+    for (size_t k = 0; k < n_loads(flight); k++) {
+        const size_t load = load_channel(flight, k), coefficient = coefficient_channel(flight, k);
+        const LoadOutput out = load_output(flight->output, flight->loads, k);
+        filter->value[load] = *out.value;
+        filter->variance[load] = square(*out.std);
+        filter->value[coefficient] = *out.coefficient;
+        filter->variance[coefficient] = square(*out.coefficient_std);
     }
 }
 
 static void set_linear_noise(Filter *filter, const Flight *flight) {
-    const size_t first = first_other(flight), m = other_count(flight);
-    const double *gauge = filter->map.noise, of_pressure = filter->map.white_navigation;
-    linear_noise(flight->linear, gauge, of_pressure, filter->row, filter->noise + LOAD_CHANNELS,
-                 filter->noise + COEFFICIENT_CHANNELS);
-    if (m > 0) {
-        linear_other_noise(flight->linear, gauge, of_pressure, filter->row, filter->noise + first,
-                           filter->noise + first + m);
-    }
-}
-
-/* Sum of squares of own row + times other. */
-static double square_of_rows(size_t count, double own, const double *row, double times, const double *other) {
-    double sum = 0.0;
-    for (size_t g = 0; g < count; g++) {
-        sum += square(own * row[g] + times * other[g]);
-    }
-    return sum;
-}
-
-/* nu of all channels of a map with tables. */
-static void set_flight_noise(Filter *filter, Flight *flight) {
-    const FlightSolver *solver = &flight->solver;
-    const FlightMap *map = &flight->map;
-    const size_t row = flight_noise_row(solver->n_gauges), first = first_other(flight), m = other_count(flight);
-    const double *gauge = filter->map.noise, *scalar = flight->inputs->value + solver->n_gauges;
-    const double shift = moment_shift(flight->inputs);
-    double *rows = filter->row, *loads = rows + N_STATES * row, *coefficients = loads + N_LOADS * row;
-    flight_noise_rows(solver, gauge, filter->map.white_navigation, rows);
-    for (size_t k = 0; k < N_STATES; k++) {
-        filter->noise[STATE_CHANNELS + k] = square_of_rows(row, 1.0, rows + k * row, 0.0, rows);
-    }
-    for (size_t i = 0; i < N_LOADS; i++) {
-        const size_t force = i < 3 ? i : i - 2;
-        const double own_reference = scalar[REFERENCE_AREA] * (i < 3 ? 1.0 : scalar[REFERENCE_LENGTH]);
-        const double scale = map->reference_area * (i < 3 ? 1.0 : map->reference_length) / own_reference;
-        const double of_force = i < 3 ? 0.0 : shift * map->reference_area / own_reference;
-        filter->noise[LOAD_CHANNELS + i] =
-            square_of_rows(row, 1.0, loads + i * row, i < 3 ? 0.0 : shift, loads + force * row);
-        filter->noise[COEFFICIENT_CHANNELS + i] =
-            square_of_rows(row, scale, coefficients + i * row, of_force, coefficients + force * row);
-    }
-    if (m > 0) {
-        flight_other_noise(&flight->other_loads, solver, flight->inputs, flight->loads, gauge, rows,
-                           rows + (N_NOISE_ROWS + N_STATES + N_LOADS) * row, filter->noise + first,
-                           filter->noise + first + m);
+    for (size_t k = 0; k < n_loads(flight); k++) {
+        double noise[2];
+        linear_noise(flight->linear, k, filter->map.noise, filter->map.white_navigation, filter->row, noise);
+        filter->noise[load_channel(flight, k)] = noise[0];
+        filter->noise[coefficient_channel(flight, k)] = noise[1];
     }
 }
 
@@ -408,13 +340,13 @@ static void write_flight(const Filter *filter, Flight *flight) {
 }
 
 static void write_filtered(const Filter *filter, Flight *flight) {
-    ChannelRun run[N_CHANNEL_RUNS];
-    list_runs(flight, run);
-    for (size_t r = 0; r < N_CHANNEL_RUNS; r++) {
-        for (size_t k = 0; k < run[r].count; k++) {
-            run[r].value[k] = filter->mean[run[r].channel + k];
-            run[r].std[k] = sqrt(filter->left[run[r].channel + k]);
-        }
+    for (size_t k = 0; k < n_loads(flight); k++) {
+        const size_t load = load_channel(flight, k), coefficient = coefficient_channel(flight, k);
+        const LoadOutput out = load_output(flight->output, flight->loads, k);
+        *out.value = filter->mean[load];
+        *out.std = sqrt(filter->left[load]);
+        *out.coefficient = filter->mean[coefficient];
+        *out.coefficient_std = sqrt(filter->left[coefficient]);
     }
     if (flight->present) {
         write_flight(filter, flight);

@@ -94,33 +94,32 @@ static size_t flight_navigation_used(const Flight *flight) {
 
 #define LARGEST_REST 1.0 /* standard deviations that the next iteration may move the state by */
 
+void flight_transfers(const Flight *flight, double of_loads[N_LOADS][N_LOADS], double of_coefficients[N_LOADS][N_LOADS]) {
+    static const double ONES[N_LOADS] = {1.0, 1.0, 1.0, 1.0, 1.0};
+    moment_transfer(flight->inputs, ONES, of_loads);
+    for (size_t i = 0; i < N_LOADS; i++) {
+        const double own = own_reference(flight->inputs, i >= N_FORCES);
+        for (size_t j = 0; j < N_LOADS; j++) {
+            of_coefficients[i][j] = of_loads[i][j] * map_reference(&flight->map, j >= N_FORCES) / own;
+        }
+    }
+}
+
+static void put(double transfer[N_LOADS][N_LOADS], const double *value, const double *covariance, double *out, double *std) {
+    small_times(N_LOADS, transfer[0], value, out);
+    for (size_t i = 0; i < N_LOADS; i++) {
+        std[i] = sqrt(quadratic(N_LOADS, transfer[i], covariance, transfer[i]));
+    }
+}
+
 /* Loads and coefficients at the references of the settings. */
 static void set_loads(Flight *flight) {
-    const FlightMap *map = &flight->map;
     const Solution *solution = &flight->solver.solution;
-    const double *scalar = flight->inputs->value + flight->solver.n_gauges;
-    const double shift = moment_shift(flight->inputs);
-    for (size_t i = 0; i < N_LOADS; i++) {
-        /* Rows of the transfer to the moment point, and the same of coefficients. */
-        double load[N_LOADS] = {0.0}, coefficient[N_LOADS] = {0.0};
-        const double own = i < 3 ? scalar[REFERENCE_AREA] : scalar[REFERENCE_AREA] * scalar[REFERENCE_LENGTH];
-        load[i] = 1.0;
-        if (i >= 3) {
-            load[i - 2] = shift;
-        }
-        for (size_t j = 0; j < N_LOADS; j++) {
-            const double reference = j < 3 ? map->reference_area : map->reference_area * map->reference_length;
-            coefficient[j] = load[j] * reference / own;
-        }
-        flight->output[LOADS + i] = flight->output[COEFFICIENTS + i] = 0.0;
-        for (size_t j = 0; j < N_LOADS; j++) {
-            flight->output[LOADS + i] += load[j] * solution->loads[j];
-            flight->output[COEFFICIENTS + i] += coefficient[j] * solution->coefficients[j];
-        }
-        flight->output[LOADS_STD + i] = sqrt(quadratic(N_LOADS, load, solution->load_covariance, load));
-        flight->output[COEFFICIENTS_STD + i] =
-            sqrt(quadratic(N_LOADS, coefficient, solution->coefficient_covariance, coefficient));
-    }
+    double of_loads[N_LOADS][N_LOADS], of_coefficients[N_LOADS][N_LOADS], *output = flight->output;
+    flight_transfers(flight, of_loads, of_coefficients);
+    put(of_loads, solution->loads, solution->load_covariance, output + LOADS, output + LOADS_STD);
+    put(of_coefficients, solution->coefficients, solution->coefficient_covariance, output + COEFFICIENTS,
+        output + COEFFICIENTS_STD);
 }
 
 /* Standard deviations by which u and w leave their ranges: incidence at every roll angle alike, or each range of its

@@ -52,6 +52,9 @@ int flight_navigation_alarms(const Flight *flight);
 /* Whether strain, of so many gauges in use, and navigation fit the tables. */
 int flight_solution_fits(const Flight *flight, size_t used);
 
+/* Transfers of the solution's loads and coefficients to moment point and references of the settings. */
+void flight_transfers(const Flight *flight, double of_loads[N_LOADS][N_LOADS], double of_coefficients[N_LOADS][N_LOADS]);
+
 /* Write the solution to the outputs; whether it fits. */
 int flight_conclude(Flight *flight, size_t used);
 

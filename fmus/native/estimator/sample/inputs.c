@@ -115,6 +115,17 @@ void inputs_reset(Inputs *in) {
     in->value[in->first[LAST_RUN] + MEASURED_ATTACK] = in->value[in->first[LAST_RUN] + MEASURED_SIDESLIP] = in->map->not_known;
 }
 
+void moment_transfer(const Inputs *in, const double *scale, double transfer[N_LOADS][N_LOADS]) {
+    const double shift = moment_shift(in);
+    memset(transfer, 0, N_LOADS * N_LOADS * sizeof(double));
+    for (size_t i = 0; i < N_LOADS; i++) {
+        transfer[i][i] = scale[i];
+        if (i >= N_FORCES) {
+            transfer[i][i - 2] = shift * scale[i];
+        }
+    }
+}
+
 /* Whether value may be given to one of the zeros or their standard deviations, by its index among them. */
 static int accepts_zero(const Inputs *in, size_t which, double value, char *text) {
     const size_t n = in->sensors->n_strains;

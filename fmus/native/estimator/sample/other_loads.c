@@ -67,3 +67,14 @@ int other_loads_create(MapFile *file, OtherLoads *other_loads) {
     other_loads->present = other_loads->outdated = map_hand_out(file, lay_out, other_loads);
     return other_loads->present;
 }
+
+LoadOutput load_output(double *output, const OtherLoads *other_loads, size_t k) {
+    const size_t j = k - N_LOADS;
+    double *const *value = other_loads->value;
+    if (k < N_LOADS) {
+        return (LoadOutput){output + LOADS + k, output + LOADS_STD + k, output + COEFFICIENTS + k, output + COEFFICIENTS_STD + k,
+                            k >= N_FORCES};
+    }
+    return (LoadOutput){value[OTHER_LOADS] + j, value[OTHER_LOADS_STD] + j, value[OTHER_COEFFICIENTS] + j,
+                        value[OTHER_COEFFICIENTS_STD] + j, other_loads->map.is_moment[j] > 0.0};
+}

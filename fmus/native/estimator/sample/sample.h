@@ -341,17 +341,12 @@ static inline void coefficient_scales(double pressure, double area, double lengt
     scale[3] = scale[4] = 1.0 / (pressure * (area * length));
 }
 
-/* No number, for outputs from `first` up to, not including, `end`. */
-static inline void set_unknown_from(double *output, int first, int end) {
-    for (int i = first; i < end; i++) {
-        output[i] = NAN;
-    }
-}
-
 /* Outputs without an estimate: no loads and coefficients, and a residual without terms, whose chi-square and envelope
    margin are 0. Counts and health are the caller's. */
 static inline void set_unknown(double *output, double chi_square_limit) {
-    set_unknown_from(output, COEFFICIENTS, HEALTH_STATE);
+    for (int i = COEFFICIENTS; i < HEALTH_STATE; i++) {
+        output[i] = NAN;
+    }
     output[CHI_SQUARE] = output[ENVELOPE_SCORE] = 0.0;
     output[CHI_SQUARE_LIMIT] = chi_square_limit;
 }
@@ -362,14 +357,8 @@ static inline void move_moments(double shift, double *loads) {
     loads[4] += shift * loads[2];
 }
 
-/* Variance of moment `load` about the shifted point, and in *with_force its covariance with the force that comes in:
-   of B C B' the entries that are needed. */
-static inline double moved_variance(const double *covariance, size_t load, double shift, double *with_force) {
-    const size_t force = load - 2;
-    const double cross = covariance[load * N_LOADS + force], of_force = covariance[force * N_LOADS + force];
-    *with_force = cross + shift * of_force;
-    return (covariance[load * N_LOADS + load] + shift * cross) + shift * *with_force;
-}
+/* Rows (5, 5) of the transfer of loads to the moment point of the settings, each times its scale. */
+void moment_transfer(const Inputs *inputs, const double *scale, double transfer[N_LOADS][N_LOADS]);
 
 /* Linear outputs of a map in form "dynamic_pressure" in addition to the five loads, computed when they are read: part
    "other_loads" of resources/map.bin. */
@@ -393,6 +382,19 @@ typedef struct {
     size_t *array_start;   /* (n_arrays) number of its first output */
     int outdated;
 } OtherLoads;
+
+/* Where load k, of the five and those in addition, is put out with its coefficient, and whether it is a moment. */
+typedef struct {
+    double *value, *std, *coefficient, *coefficient_std;
+    int is_moment;
+} LoadOutput;
+
+LoadOutput load_output(double *output, const OtherLoads *other_loads, size_t k);
+
+/* The reference of its coefficient at the settings: an area, of a moment times a length. */
+static inline double own_reference(const Inputs *inputs, int is_moment) {
+    return scalar_input(inputs, REFERENCE_AREA) * (is_moment ? scalar_input(inputs, REFERENCE_LENGTH) : 1.0);
+}
 
 /* Read the part, if there is one, and allocate. 1; 0 after a message. */
 int other_loads_create(MapFile *file, OtherLoads *other_loads);

@@ -345,11 +345,11 @@ void scaled_standardised_residuals(Scaled *scaled, double *z) {
     }
 }
 
-void scaled_other_load(const Scaled *scaled, size_t j, double *value, double *variance, double *per_pressure) {
+void scaled_other_load(const Scaled *scaled, size_t k, double *value, double *variance, double *per_pressure) {
     const NoiseMatrices *made = scaled->map->made;
     const OtherLoads *other_loads = scaled->other_loads;
     const ScaledStep *step = &scaled->step;
-    const size_t n = scaled->map->n_gauges, k = N_LOADS + j;
+    const size_t n = scaled->map->n_gauges, j = k - N_LOADS;
     const double s = step->ratio, *growth = step->growth + k * step->n_lost;
     double sum = 0.0, of_mean = 0.0, spread = 0.0;
     for (size_t a = 0; a < n; a++) {
@@ -378,7 +378,7 @@ double scaled_gain(Scaled *scaled, size_t k, double *gain) {
     if (k < N_LOADS) {
         per_pressure = step->per_pressure[k];
     } else {
-        scaled_other_load(scaled, k - N_LOADS, &value, &variance, &per_pressure);
+        scaled_other_load(scaled, k, &value, &variance, &per_pressure);
     }
     for (size_t a = 0; a < n; a++) {
         weighted[a] = step->weight[a] * scaled->map->made->load[a * scaled->n_loads + k];

@@ -358,8 +358,8 @@ void scaled_condition(Scaled *scaled, const MaskedMap *masked, double pressure, 
 /* z (n_gauges) of the last step; 0 where no other gauge in use checks it, and left as it is of gauges not in use. */
 void scaled_standardised_residuals(Scaled *scaled, double *z);
 
-/* Of the last step: load j in addition to the five, its variance and derivative by q_inf. */
-void scaled_other_load(const Scaled *scaled, size_t j, double *value, double *variance, double *per_pressure);
+/* Of the last step: load k, one in addition to the five, its variance and derivative by q_inf. */
+void scaled_other_load(const Scaled *scaled, size_t k, double *value, double *variance, double *per_pressure);
 
 /* The gain (dense_rows(n_gauges)) by strain in the last step of load k, of the five and those in addition; its derivative by
    q_inf. */
