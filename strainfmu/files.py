@@ -14,7 +14,7 @@ import shutil
 import stat
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from os import PathLike
 from pathlib import Path
@@ -360,7 +360,8 @@ def whole_file(path: Path, opened: Callable[[Path], Writer]) -> Iterator[Writer]
         with writing(path):
             os.replace(temporary, path)
     finally:
-        temporary.unlink(missing_ok=True)
+        with suppress(OSError):  # there is none, or nothing can be written there
+            temporary.unlink()
 
 
 @contextmanager
