@@ -36,6 +36,7 @@ from builder.inverse.noise.thermal import (
 from builder.inverse.sensor_set import joined_errors, joined_terms, sensor_set
 from builder.inverse.solution import Problem
 from builder.structure.fourier.fourier_model import StructuralModel, structural_model_on
+from builder.structure.fourier.strain_operator import strain_harmonics
 from builder.structure.gauge_checks import gauges_in_use
 from builder.structure.mapped_structure import MappedStructure
 from builder.structure.solid.checks import ELEMENT_FRACTION
@@ -74,11 +75,11 @@ def gauge_covariance(entry: Noise, n_gauges: int, median_strain: float, folder: 
             raise InputError(f"noise.std_of_gauges_um_per_m: {len(std)} values found, must be {n_gauges}")
         return np.diag(std**2)
     if entry.std_um_per_m is not None:
-        return (MICRO * entry.std_um_per_m) ** 2 * np.eye(n_gauges)
+        return np.diag(np.full(n_gauges, (MICRO * entry.std_um_per_m) ** 2))
     assert entry.percent_of_median_strain is not None
     if not median_strain > 0.0:
         raise InputError("noise.percent_of_median_strain: the median strain is 0; give std_um_per_m")
-    return (0.01 * entry.percent_of_median_strain * median_strain) ** 2 * np.eye(n_gauges)
+    return np.diag(np.full(n_gauges, (0.01 * entry.percent_of_median_strain * median_strain) ** 2))
 
 
 MATRIX = 256 * MIB
@@ -156,11 +157,14 @@ def _nuisance_row(row: list[str], n_modes: int, where: str) -> tuple[str, list[f
 AnyStructure = StructuralModel | MappedStructure
 
 
-def gauge_noise_covariance(vehicle: Vehicle, snapshots: Snapshots, structure: AnyStructure) -> FloatArray:
+def gauge_noise_covariance(
+    vehicle: Vehicle, snapshots: Snapshots, structure: AnyStructure, strain_operator: FloatArray | None = None
+) -> FloatArray:
     """Return the covariance (n_d, n_d) of the noise of the gauges in use and of their recorder [(m/m)^2].
 
     Relative noise is a fraction of the median |strain| over the snapshots, at their own pressure level and as they
-    are listed, and the gauges of ``noise.of_layout``.
+    are listed, and the gauges of ``noise.of_layout``. ``strain_operator`` is Z_p of the layout in use, if it has
+    been computed.
 
     Raises
     ------
@@ -172,11 +176,14 @@ def gauge_noise_covariance(vehicle: Vehicle, snapshots: Snapshots, structure: An
     if entry.percent_of_median_strain is not None:
         inside = vehicle.structure.internal_pressure(snapshots.conditions())
         net = snapshots.pressure - inside[:, None]
-        median = float(np.median(np.abs(net @ structure.strain_operator(entry.of_layout or layout).T)))
+        of_layout = entry.of_layout or layout
+        operator = strain_operator if of_layout == layout else None
+        operator = structure.strain_operator(of_layout) if operator is None else operator
+        median = float(np.median(np.abs(net @ operator.T)))
     n_d = len(structure.layouts[layout].names)
-    return gauge_covariance(entry, n_d, median, vehicle.beside("")) + np.diag(
-        np.sum([std**2 for std in reading_std(vehicle.recorder, n_d).values()], axis=0)
-    )
+    covariance = gauge_covariance(entry, n_d, median, vehicle.beside(""))
+    covariance[np.diag_indices(n_d)] += np.sum([s**2 for s in reading_std(vehicle.recorder, n_d).values()], axis=0)
+    return covariance
 
 
 def check_noise(vehicle: Vehicle) -> None:
@@ -245,7 +252,7 @@ def inverse_problem(
     snapshots = on_structure(snapshots, structure)
     z_p = structure.strain_operator(vehicle.gauges.layout)
     ensemble = ensemble_of(vehicle, snapshots)
-    covariance = gauge_noise_covariance(vehicle, snapshots, structure)
+    covariance = gauge_noise_covariance(vehicle, snapshots, structure, z_p)
     mesh = _mesh_error(vehicle, structure, ensemble, np.sqrt(np.diag(covariance)))
     thermal = thermal_map(vehicle)
     by_inertia = None if vehicle.mass is None else strain_by_inertia(vehicle, vehicle.mass)
@@ -321,13 +328,17 @@ def _mesh_error(
 ) -> MeshError | None:
     """Return the error by the structure's mesh over the noise ``std`` (n_d,), None where it is not known."""
     layout, against = vehicle.gauges.layout, structure.checked_against
-    operator = structure.error_operator(layout)
-    if operator is None and isinstance(structure, MappedStructure) and not structure.is_external:
-        operator, against = _difference_of_fourier_model(vehicle, structure), "the Fourier model"
-    if operator is None:
-        return None
-    strain = ensemble.responses(operator)
-    in_sigma = np.sqrt(np.average(strain**2, axis=0, weights=ensemble.member_weight)) / std
+    if isinstance(structure, StructuralModel) and structure.error is not None and ensemble.grid is not None:
+        amplitudes = strain_harmonics(structure.error, structure.placed[layout], ensemble.harmonics)
+        strain = ensemble.of_amplitudes(amplitudes)
+    else:
+        operator = structure.error_operator(layout)
+        if operator is None and isinstance(structure, MappedStructure) and not structure.is_external:
+            operator, against = _difference_of_fourier_model(vehicle, structure), "the Fourier model"
+        if operator is None:
+            return None
+        strain = ensemble.responses(operator)
+    in_sigma = np.sqrt(ensemble.member_weight @ strain**2) / std
     return MeshError(against=against, strain=strain, in_sigma=in_sigma)
 
 

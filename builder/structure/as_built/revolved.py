@@ -209,9 +209,9 @@ def revolved_table(
 
     def amplitudes_at(on: MeridianMesh, *stations: FloatArray) -> list[FloatArray]:
         response = harmonic_response(on, material, np.concatenate(stations), surface.x, nominal.max_harmonic)
-        return [amplitudes(response)[:, :, station_index(response.gauge_x, station)] for station in stations]
+        return [amplitudes(response, station) for station in stations]
 
-    expected = amplitudes(nominal)[:, :, station_index(nominal.gauge_x, x)]
+    expected = amplitudes(nominal, x)
     along, wall_rows, soft = None, np.zeros((2, 0, *expected.shape)), np.zeros((0, *expected.shape))
     if "axial_shift" in kinds:
         step = SHIFT * inner_surface_points(mesh, x).tangent[:, 0]
@@ -274,10 +274,11 @@ def table_under(table: ResponseTable, pressure: FloatArray | ComplexArray) -> Re
     return changed_alike(table, under)
 
 
-def amplitudes(response: HarmonicResponse) -> FloatArray:
-    """Return (n_x, n_m, n_s, 3) [1/Pa]."""
-    response_at = np.stack([response.meridional, response.hoop, response.shear])
-    return np.ascontiguousarray(response_at.transpose(3, 2, 1, 0))
+def amplitudes(response: HarmonicResponse, x: FloatArray | None = None) -> FloatArray:
+    """Return (n_x, n_m, n_s, 3) [1/Pa] at the stations ``x`` (n_s,) of the response, all by default."""
+    station: Any = slice(None) if x is None else station_index(response.gauge_x, x)
+    parts = (response.meridional, response.hoop, response.shear)
+    return np.stack([part.T[:, :, station] for part in parts], axis=-1)
 
 
 def changed_alike(table: ResponseTable, change: Callable[[FloatArray], FloatArray]) -> ResponseTable:

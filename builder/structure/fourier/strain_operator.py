@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +30,7 @@ from builder.structure.fourier.inner_surface import PlacedGauges, SurfacePoints,
 from builder.structure.fourier.meridian_mesh import MeridianMesh, locate_on_edge, quadratic_shape
 from builder.structure.wall import Material
 from builder.vehicle.shape.geometry import SurfaceGrid
-from strainfmu.arrays import FloatArray
+from strainfmu.arrays import ComplexArray, FloatArray
 from strainfmu.errors import InputError
 
 # Shape function (2) x radius (2) x slope (1) x pressure (1): degree 6 in xi.
@@ -326,11 +327,39 @@ def strain_operator(response: HarmonicResponse, gauges: PlacedGauges, grid: Surf
     """
     if response.hoop.shape[2] != len(grid.x):
         raise InputError(f"the response has {response.hoop.shape[2]} surface stations, the grid {len(grid.x)}")
-    station = station_index(response.gauge_x, gauges.x)
-    c, s = gauges.meridional[:, None, None], gauges.circumferential[:, None, None]
-    even = c**2 * response.meridional[station] + s**2 * response.hoop[station]
-    odd = 2.0 * c * s * response.shear[station]
+    even, odd = _along_gauges(gauges, response.gauge_x, response.meridional, response.hoop, response.shear)
     return operator_in_roll(even, odd, gauges.roll_angle, grid)
+
+
+def strain_harmonics(response: HarmonicResponse, gauges: PlacedGauges, harmonics: ComplexArray) -> ComplexArray:
+    """Return the product of Z_p's conjugate harmonics round the body with those of pressures, without Z_p.
+
+    Parameters
+    ----------
+    response, gauges : as in :func:`strain_operator`.
+    harmonics : (n_m, N, n_x) of N pressures round the body, at the stations of the grid [Pa].
+
+    Returns
+    -------
+    (n_gauges, N, n_m) with as many harmonics as both have.
+    """
+    n_m = min(len(harmonics), response.max_harmonic + 1)
+    pressure = harmonics[:n_m].transpose(0, 2, 1)  # n_m, n_x, N
+    strain = (response.meridional, response.hoop, response.shear)
+    under = ((part[:, :n_m].transpose(1, 0, 2) @ pressure).transpose(1, 2, 0) for part in strain)
+    even, odd = _along_gauges(gauges, response.gauge_x, *under)
+    # The harmonic of even cos m(phi - psi) + odd sin m(phi - psi) is (even - i odd) exp(-i m psi).
+    return (even + 1j * odd) * np.exp(1j * gauges.roll_angle[:, None] * np.arange(n_m))[:, None]
+
+
+def _along_gauges(
+    gauges: PlacedGauges, station_x: FloatArray, meridional: Any, hoop: Any, shear: Any
+) -> tuple[Any, Any]:
+    """Return (n_gauges, ..) parts of the gauges' strain that go as cos(m phi) and sin(m phi), by those of the
+    wall (n_stations, ..) at ``station_x``."""
+    station = station_index(station_x, gauges.x)
+    c, s = gauges.meridional[:, None, None], gauges.circumferential[:, None, None]
+    return c**2 * meridional[station] + s**2 * hoop[station], 2.0 * c * s * shear[station]
 
 
 def operator_in_roll(even: FloatArray, odd: FloatArray, roll_angle: FloatArray, grid: SurfaceGrid) -> FloatArray:
@@ -366,7 +395,7 @@ def operator_in_roll(even: FloatArray, odd: FloatArray, roll_angle: FloatArray, 
         phase = m[:, None] * roll_angle[some, None, None]
         cosine, sine = np.cos(phase), np.sin(phase)
         along, across = even[some] * cosine + odd[some] * sine, even[some] * sine - odd[some] * cosine
-        z[some] = np.concatenate([along, across], axis=1).transpose(0, 2, 1) @ waves
+        np.matmul(np.concatenate([along, across], axis=1).transpose(0, 2, 1), waves, out=z[some])
     return z.reshape(len(roll_angle), grid.n_nodes)
 
 

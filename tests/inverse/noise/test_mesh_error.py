@@ -40,7 +40,10 @@ def test_the_noise_holds_it(vehicle: Vehicle, snapshots: Snapshots, checked: Str
     each, common = terms["mesh, of each gauge"], terms["mesh, in common"]
     assert not each.hardware
     assert problem.mesh is not None
-    weight = problem.ensemble.member_weight
+    weight, error = problem.ensemble.member_weight, checked.error_operator(vehicle.gauges.layout)
+    assert error is not None
+    by_operator = problem.ensemble.responses(error)
+    np.testing.assert_allclose(problem.mesh.strain, by_operator, rtol=0.0, atol=1e-13 * np.abs(by_operator).max())
     square = np.average(problem.mesh.strain**2, axis=0, weights=weight)
     for term in (each, common):
         np.testing.assert_allclose(np.diag(term.covariance), 0.5 * square, rtol=1e-6)
