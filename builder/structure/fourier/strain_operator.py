@@ -332,7 +332,7 @@ def strain_operator(response: HarmonicResponse, gauges: PlacedGauges, grid: Surf
 
 
 def strain_harmonics(response: HarmonicResponse, gauges: PlacedGauges, harmonics: ComplexArray) -> ComplexArray:
-    """Return the product of Z_p's conjugate harmonics round the body with those of pressures, without Z_p.
+    """Return the product of Z_p's conjugate harmonics round the body with the pressures' ones, without Z_p.
 
     Parameters
     ----------
@@ -355,8 +355,10 @@ def strain_harmonics(response: HarmonicResponse, gauges: PlacedGauges, harmonics
 def _along_gauges(
     gauges: PlacedGauges, station_x: FloatArray, meridional: Any, hoop: Any, shear: Any
 ) -> tuple[Any, Any]:
-    """Return (n_gauges, ..) parts of the gauges' strain that go as cos(m phi) and sin(m phi), by those of the
-    wall (n_stations, ..) at ``station_x``."""
+    """Return (n_gauges, ..) strain of gauges that goes as cos(m phi) and as sin(m phi).
+
+    It follows from the wall's strains (n_stations, ..) at ``station_x``.
+    """
     station = station_index(station_x, gauges.x)
     c, s = gauges.meridional[:, None, None], gauges.circumferential[:, None, None]
     return c**2 * meridional[station] + s**2 * hoop[station], 2.0 * c * s * shear[station]
