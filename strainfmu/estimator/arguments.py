@@ -28,7 +28,7 @@ from strainfmu.estimator.air_inputs import (
 )
 from strainfmu.estimator.core import Core
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.map.validity import flow_parameters
+from strainfmu.estimator.map.validity import parameter_names_of
 from strainfmu.estimator.signal_names import STRAIN, TEMPERATURE, THRUST, VALID
 
 
@@ -181,7 +181,7 @@ class SampleRecords:
 
     def __init__(self, inverse_map: InverseMap, core: Core) -> None:
         places = core.inputs
-        self._map, self._places, self._parameters = inverse_map, places, flow_parameters(inverse_map).names
+        self._map, self._places, self._parameters = inverse_map, places, parameter_names_of(inverse_map)
         self._n, self._shape, self._n_inputs = inverse_map.n_gauges, (inverse_map.n_gauges,), core.n_inputs
         self._std_places = [places[name].start for name in _STDS]
         # What lies behind the readings of a record: air data, and what is not known of a plain sample.

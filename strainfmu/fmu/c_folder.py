@@ -19,7 +19,7 @@ from strainfmu.estimator.air_inputs import AIR_DATA_NAMES, AIR_DATA_UNITS, NAVIG
 from strainfmu.estimator.core import Core, Layout, Series
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
-from strainfmu.estimator.map.validity import flow_parameters
+from strainfmu.estimator.map.validity import parameter_names_of
 from strainfmu.estimator.other_loads import names_of
 from strainfmu.estimator.resource.map_file import native_resource
 from strainfmu.estimator.settings import SETTING_INPUTS
@@ -313,7 +313,7 @@ def _readme(inverse_map: InverseMap, content_hash: str, core: Core) -> str:
     """Return ``README.txt``."""
     template = Template(resources.files("fmus").joinpath("c", "README.txt").read_text(encoding="utf-8"))
     inputs = dict(_INPUTS)
-    inputs["parameter"] += f": {', '.join(flow_parameters(inverse_map).names)}"
+    inputs["parameter"] += f": {', '.join(parameter_names_of(inverse_map))}"
     outputs = dict(_OUTPUTS)
     outputs["other_loads"] += f": {', '.join(names_of(inverse_map.load_groups))}"
     title = f"Loads from strain: {inverse_map.vehicle}"

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from strainfmu.estimator.map.validity import PARAMETER_TOLERANCE, flow_parameters
+from strainfmu.estimator.map.validity import PARAMETER_TOLERANCE, flow_parameters, parameter_names_of
 from strainfmu.interface.fmi_variables import Variable
 from strainfmu.interface.health_names import STATE
 from strainfmu.interface.input_names import NAVIGATION_INPUTS, NOT_GIVEN, NOT_KNOWN
@@ -24,12 +24,12 @@ OUTSIDE_PREFIX = "health.outside."
 
 def parameter_names(inverse_map: InverseMap) -> tuple[str, ...]:
     """Return the names of the inputs, ``parameter.NAME`` by the names of the vehicle file."""
-    return tuple(f"{PREFIX}{name}" for name in flow_parameters(inverse_map).names)
+    return tuple(f"{PREFIX}{name}" for name in parameter_names_of(inverse_map))
 
 
 def parameter_std_names(inverse_map: InverseMap) -> tuple[str, ...]:
     """Return the names of the inputs for their standard deviations; none where the estimate takes none."""
-    names = flow_parameters(inverse_map).names if follows_parameters(inverse_map) else ()
+    names = parameter_names_of(inverse_map) if follows_parameters(inverse_map) else ()
     return tuple(f"{STD_PREFIX}{name}" for name in names)
 
 

@@ -40,11 +40,16 @@ class FlowParameters(MapRecord, where="flow parameters"):
         return tuple(name for name, excess in zip(self.names, score, strict=True) if excess > PARAMETER_TOLERANCE)
 
 
+def parameter_names_of(inverse_map: Any) -> tuple[str, ...]:
+    """Return the names of the parameters of ``inverse_map``, as in the vehicle file."""
+    return tuple(inverse_map.provenance.get("parameters", {}))
+
+
 def flow_parameters(inverse_map: Any) -> FlowParameters:
     """Return the parameters of ``inverse_map``, none of one whose snapshots have none."""
     ranges: dict[str, list[float]] = inverse_map.provenance.get("parameters", {})
     bounds = np.array([*ranges.values()], dtype=float).reshape(-1, 2)
-    return FlowParameters(names=tuple(ranges), minimum=bounds[:, 0], maximum=bounds[:, 1])
+    return FlowParameters(names=parameter_names_of(inverse_map), minimum=bounds[:, 0], maximum=bounds[:, 1])
 
 
 def incidence_per_force(inverse_map: Any) -> float:

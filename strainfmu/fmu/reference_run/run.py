@@ -18,7 +18,7 @@ from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import InverseMap, groups_of_outputs
-from strainfmu.estimator.map.validity import flow_parameters
+from strainfmu.estimator.map.validity import parameter_names_of
 from strainfmu.estimator.policies import POLICIES
 from strainfmu.estimator.signal_names import COEFFICIENT_ARRAY, FORCE, MOMENT, TEMPERATURE
 from strainfmu.estimator.tare import TareState
@@ -136,9 +136,9 @@ def step_arguments(inverse_map: InverseMap, known: Mapping[str, float]) -> dict[
     """Return the arguments of an estimator's step for inputs ``known`` by the names of the FMU."""
     temperatures = temperature_names(inverse_map.thermal)
     grouped = {
-        "parameters": dict(zip(flow_parameters(inverse_map).names, parameter_names(inverse_map), strict=True)),
+        "parameters": dict(zip(parameter_names_of(inverse_map), parameter_names(inverse_map), strict=True)),
         "parameters_std": dict(
-            zip(flow_parameters(inverse_map).names, parameter_std_names(inverse_map), strict=False)
+            zip(parameter_names_of(inverse_map), parameter_std_names(inverse_map), strict=False)
         ),
     }
     arguments: dict[str, Any] = {name: value for name, value in known.items() if name in FLOW_INPUTS}

@@ -20,7 +20,7 @@ Change = Callable[[bytes], bytes | None]
 
 def rewritten(source: Path, target: Path, name: str, change: Change) -> Path:
     """Copy an FMU with the entry ``name`` changed, or left out where ``change`` returns None."""
-    with zipfile.ZipFile(source) as old, zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED) as new:
+    with zipfile.ZipFile(source) as old, zipfile.ZipFile(target, "w") as new:
         for entry in old.namelist():
             content: bytes | None = old.read(entry)
             if entry == name and content is not None:
