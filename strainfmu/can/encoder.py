@@ -73,6 +73,14 @@ class StrainEncoder:
         self._heard: tuple[int, int, float] | None = None
         self._ticks: dict[int, int] = {}
         self._plans = [SignalPlan(frame.layout) for frame in layout.frames]
+        self._initial = [
+            np.array([float(s.initial or 0) * s.scale + s.offset for s in frame.layout.signals])
+            for frame in layout.frames
+        ]
+        self._strains = [
+            (np.array(frame.indices, dtype=int), np.array(frame.gauges, dtype=int), np.array(frame.to_strain))
+            for frame in layout.frames
+        ]
         self._first_of_flow = len(layout.strain_frames) + (layout.trailer is not None)
         quantities = [{signal.quantity for signal in frame.flow} for frame in layout.flow_frames]
         self._sent = [DYNAMIC_PRESSURE in of_frame for of_frame in quantities]
@@ -187,9 +195,10 @@ class StrainEncoder:
         """Return the frame number ``slot`` of the layout; its CRC is also over ``covered``."""
         item = self._layout.frames[slot]
         layout = item.layout
-        values = np.array([float(s.initial or 0) * s.scale + s.offset for s in layout.signals])
+        values = self._initial[slot].copy()
         if item.indices:
-            values[list(item.indices)] = sample.strain[list(item.gauges)] / np.array(item.to_strain)
+            indices, gauges, to_strain = self._strains[slot]
+            values[indices] = sample.strain[gauges] / to_strain
         for signal in item.flow:
             values[signal.index] = (sample.flow.get(signal.quantity, nan) - signal.offset) / signal.to_si
         for role, number in sample.numbers.items():

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
-from itertools import count
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from itertools import compress, count
 from math import ceil, inf
 
 import numpy as np
@@ -121,31 +122,39 @@ class Projection:
         return StepResult(self.outputs(strain, dynamic_pressure), np.ones(5), int(health), 1.0)
 
     def outputs(self, strain: np.ndarray, dynamic_pressure: float) -> np.ndarray:
-        values = np.empty(5)
-        values[:4] = self._gain @ (strain if np.isfinite(strain).all() else np.nan_to_num(strain))
-        values[4] = dynamic_pressure
-        return values
+        known = strain if np.isfinite(strain).all() else np.nan_to_num(strain)
+        return np.append(self.projected(known), dynamic_pressure)
+
+    def projected(self, strain: np.ndarray) -> np.ndarray:
+        """Return the first four outputs (.., 4) of strains (.., n) that are all known."""
+        return np.asarray(strain @ self._gain.T)
 
 
-@dataclass
+@dataclass(frozen=True)
 class Truth:
     """What happened on the vehicle, by cycle: strains move by more than quantisation every cycle."""
 
     n_gauges: int
     seed: int
-    strain: list[np.ndarray] = field(default_factory=list)
-    dynamic_pressure: list[float] = field(default_factory=list)
 
     def cycle(self, number: int) -> tuple[np.ndarray, float]:
         """Return strains [m/m] and q_inf [Pa] of a cycle."""
-        while len(self.strain) <= number:
-            k = len(self.strain)
-            random = np.random.default_rng((self.seed, k))
-            gauge = np.arange(self.n_gauges)
-            slow = 300e-6 * np.sin(2.0 * np.pi * k / 700.0 + gauge) + 500e-6
-            self.strain.append(slow + NOISE * random.normal(size=self.n_gauges))
-            self.dynamic_pressure.append(9e4 + 10.0 * k % 2e4)
-        return self.strain[number], self.dynamic_pressure[number]
+        return true_strain(self.n_gauges, self.seed, number), true_pressure(number)
+
+
+@lru_cache(maxsize=20_000)
+def true_strain(n_gauges: int, seed: int, number: int) -> np.ndarray:
+    """Return strains (n_gauges,) [m/m] of a cycle, which many campaigns have in common."""
+    random, gauge = np.random.default_rng((seed, number)), np.arange(n_gauges)
+    slow = 300e-6 * np.sin(2.0 * np.pi * number / 700.0 + gauge) + 500e-6
+    strain = np.asarray(slow + NOISE * random.normal(size=n_gauges))
+    strain.flags.writeable = False
+    return strain
+
+
+def true_pressure(number: int) -> float:
+    """Return q_inf [Pa] of a cycle."""
+    return 9e4 + 10.0 * number % 2e4
 
 
 @dataclass
@@ -250,10 +259,9 @@ class Oracle:
         self._valid_cycles.add(last)
         oldest = max(int(np.floor((now - (self._settings.max_age + 1.5) * cycle) / cycle)), 0)
         known = {n: self._with_held([self._truth.cycle(n)[0]], oldest, last) for n in range(oldest, last + 1)}
-        fitting = [n for n, strains in known.items() if any(self._fits(result, strain) for strain in strains)]
-        stuck = self._with_held(self._stuck(last, oldest), oldest, last)
-        is_stuck = any(self._fits(result, strain) for strain in stuck)
-        is_excused = is_stuck
+        fits = self._fit(result, [strain for strains in known.values() for strain in strains])
+        fitting = list(compress((n for n, strains in known.items() for _ in strains), fits))
+        is_excused = any(self._fit(result, self._with_held(self._stuck(last, oldest), oldest, last)))
         if fitting and not is_excused:
             # The frames of a cycle begin to be sent when it is sampled.
             hidden = now - max(fitting) * cycle - result.age - result.age_uncertainty
@@ -264,15 +272,16 @@ class Oracle:
         elif not is_excused:
             self.false_valid.append(f"strains at {now:.4f} s, sampled {result.sample_time}, {result.causes!r}")
         q_oldest = max(int((now - (self._settings.pressure_max_age + 1.5) * cycle) / cycle), 0)
-        pressures = [self._truth.cycle(number)[1] for number in range(q_oldest, last + 1)]
+        pressures = map(true_pressure, range(q_oldest, last + 1))
         if min(abs(result.coefficients[4] - q) for q in pressures) > 0.1:
             self.false_valid.append(f"dynamic pressure {result.coefficients[4]:.6g} Pa at {now:.4f} s")
 
-    def _fits(self, result: Result, strain: np.ndarray) -> bool:
-        return self._distance(result, strain) <= self._tolerance
-
-    def _distance(self, result: Result, strain: np.ndarray) -> float:
-        return float(np.abs(result.coefficients[:4] - self._step.outputs(strain, 0.0)[:4]).max())
+    def _fit(self, result: Result, strains: list[np.ndarray]) -> list[bool]:
+        """Return which of ``strains`` give the coefficients of a result."""
+        if not strains:
+            return []
+        apart = np.abs(result.coefficients[:4] - self._step.projected(np.array(strains))).max(axis=1)
+        return (apart <= self._tolerance).tolist()
 
     def _stuck(self, last: int, oldest: int) -> list[np.ndarray]:
         """Return truths with stuck gauges as they were, for as long as the documented detection of that takes."""
