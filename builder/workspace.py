@@ -18,6 +18,9 @@ from strainfmu.version import __version__
 
 MANIFEST = "manifest.json"
 MISFITS_NAMED = 3
+FILES = (".h5", ".fmu", ".csv", ".toml")
+"""Ends of names that are a file's: a folder would hardly be meant by one."""
+
 SHARED, SHARED_VARIABLE = ".strainfmu", "STRAINFMU_CACHE"
 """The cache next to a vehicle file, and the environment variable that names another folder."""
 LARGEST_CACHE = 4e9
@@ -117,6 +120,8 @@ class Workspace:
     def __init__(self, folder: Path, cache: Cache | None = None) -> None:
         if folder.exists() and not folder.is_dir():
             raise InputError(f"{folder}: is a file, must be a folder")
+        if not folder.exists() and folder.suffix in FILES:
+            raise InputError(f"{folder}: expected a folder for the results, got the name of a {folder.suffix} file")
         existing = next(path for path in (folder, *folder.absolute().parents) if path.exists())
         if not existing.is_dir():
             raise InputError(f"{folder}: expected a path in folders, got the file {existing} instead of one")

@@ -41,6 +41,10 @@ SPARSE = 0.5
 LARGEST_STRAIN = 0.1
 """Strain [m/m] above which all columns are taken to be in another unit: no gauge bears it."""
 
+_FIRST_DAY, _SHORTEST_PERIOD = 2e4, 2e-6
+"""Times above the first in steps below the second are days, as a spreadsheet counts them: of 1954 and later, at 6 Hz
+and more. No recorder of strain takes 500,000 samples in a second."""
+
 _SAME = 1e-3
 """Distance from a sample, in periods, that is none."""
 
@@ -276,6 +280,11 @@ def _frame_rows(selection: Selection, number: int, sources: Sequence[Source], be
             time = stated * factor
             where = f"{path}: column '{frame.columns[time_column].name}', {frame.counted}"
             _check_time(where, stated, time, places, last)
+            if factor == 1.0 and n > 1 and time[0] > _FIRST_DAY and np.median(np.diff(time)) < _SHORTEST_PERIOD:
+                raise InputError(
+                    f"{where} {places[0]}: expected seconds, got {time[0]:.9g} and steps of "
+                    f"{time[1] - time[0]:.3g}: likely days of a spreadsheet; state the unit, as in 'time [d]'"
+                )
         series = np.array(values)  # of each column contiguous, up to the records of the estimator
         if np.isinf(series).any():  # NaN stands for "no value" in a file, an overflow does not
             column, row = divmod(int(np.argmax(np.isinf(series))), n)

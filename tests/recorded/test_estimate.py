@@ -106,6 +106,7 @@ WRONG = {
     HEADINGS + "0,1e-6,x,1e-6,9e4\n": "line 2, column 'G1': expected a number, got 'x'",
     HEADINGS + "0,100,200,300,9e4\n": "expected at most 0.1 m/m, got 100;",
     HEADINGS + "1,0,0,0,9e4\n1,0,0,0,9e4\n": "line 3: expected increasing times, got 1 s after 1 s",
+    HEADINGS + "45992.5,0,0,0,9e4\n45992.5000001,0,0,0,9e4\n": "line 2: expected seconds, got 45992.5 and steps",
     HEADINGS + "nan,0,0,0,9e4\n": "column 'time', line 2: no number found",
     HEADINGS + "0,0,0\n": "line 2: expected 5 cells, got 3",
     # Decimal commas between commas, which would shift all that is behind them.
