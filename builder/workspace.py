@@ -121,7 +121,7 @@ class Workspace:
         if folder.exists() and not folder.is_dir():
             raise InputError(f"{folder}: is a file, must be a folder")
         if not folder.exists() and folder.suffix in FILES:
-            raise InputError(f"{folder}: expected a folder for the results, got the name of a {folder.suffix} file")
+            raise InputError(f"{folder}: expected a folder of results, got the name of a {folder.suffix} file")
         existing = next(path for path in (folder, *folder.absolute().parents) if path.exists())
         if not existing.is_dir():
             raise InputError(f"{folder}: expected a path in folders, got the file {existing} instead of one")

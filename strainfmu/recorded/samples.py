@@ -42,8 +42,8 @@ LARGEST_STRAIN = 0.1
 """Strain [m/m] above which all columns are taken to be in another unit: no gauge bears it."""
 
 _FIRST_DAY, _SHORTEST_PERIOD = 2e4, 2e-6
-"""Times above the first in steps below the second are days, as a spreadsheet counts them: of 1954 and later, at 6 Hz
-and more. No recorder of strain takes 500,000 samples in a second."""
+"""Times above the first in steps below the second are days, as a spreadsheet counts them: of 1954 and later, at
+6 Hz and more. No recorder of strain takes 500,000 samples in a second."""
 
 _SAME = 1e-3
 """Distance from a sample, in periods, that is none."""

@@ -114,7 +114,7 @@ def test_file_in_place_of_the_folder_is_refused(tmp_path: Path) -> None:
     path.write_text("")
     with pytest.raises(InputError, match="is a file, must be a folder"):
         Workspace(path)
-    with pytest.raises(InputError, match=r"expected a folder for the results, got the name of a \.h5 file"):
+    with pytest.raises(InputError, match=r"expected a folder of results, got the name of a \.h5 file"):
         Workspace(tmp_path / "map.h5")
 
 
