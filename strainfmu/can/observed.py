@@ -120,11 +120,7 @@ def observed_bridge(
     from strainfmu.cosim.estimators.fmu_step import SENSORS, TEMPERATURE, FmuStep
     from strainfmu.cosim.estimators.zeros_file import load_zeros
 
-    if publish is not None and not 0.0 < publish_rate <= 10_000.0:
-        raise InputError(f"page.rate_hz: expected more than 0 and at most 10,000 Hz, got {publish_rate:g}")
-    if publish_field is not None and publish is None:
-        raise InputError("page.field: expected with page.publish, got it alone")
-    address = None if publish is None else parsed_address(publish, "page.publish")
+    address = _page_address(publish, publish_rate, publish_field)
     positions = () if address is None else gauge_positions(fmu)
     names = tuple(position.name for position in positions)
     field = None if publish_field is None else field_messages(publish_field, names)
@@ -187,22 +183,37 @@ def observed_bridge(
             )
             on_result.append(publisher.result)
             stack.callback(publisher.close)
-        lines = {
-            UNPROTECTED_TEXT: not machine.layout.is_protected,
-            VIRTUAL_TEXT: options.interface == VIRTUAL,
-            UNLOADED_TEXT: options.tare is not None and options.tare_known is None,
-            "" if freshness is None else freshness.first_run_text: True,
-        }
         observed = ObservedBridge(
             bridge=bridge,
             freshness=freshness,
             zeros=zeros,
             recorder=recorder,
             publisher=publisher,
-            start_lines=tuple(line for line, is_said in lines.items() if line and is_said),
+            start_lines=_start_lines(options, machine.layout.is_protected, freshness),
         )
         stack.callback(observed.close_recording)
         yield observed
+
+
+def _page_address(publish: str | None, rate: float, field: Path | None) -> tuple[str, int] | None:
+    """Return where results go, None for nowhere; refuse entries of the section [page] that cannot be."""
+    if publish is None:
+        if field is not None:
+            raise InputError("page.field: expected with page.publish, got it alone")
+        return None
+    if not 0.0 < rate <= 10_000.0:
+        raise InputError(f"page.rate_hz: expected more than 0 and at most 10,000 Hz, got {rate:g}")
+    return parsed_address(publish, "page.publish")
+
+
+def _start_lines(options: BridgeOptions, is_protected: bool, freshness: FreshnessKeeper | None) -> tuple[str, ...]:
+    lines = {
+        UNPROTECTED_TEXT: not is_protected,
+        VIRTUAL_TEXT: options.interface == VIRTUAL,
+        UNLOADED_TEXT: options.tare is not None and options.tare_known is None,
+        "" if freshness is None else freshness.first_run_text: True,
+    }
+    return tuple(line for line, is_said in lines.items() if line and is_said)
 
 
 def _report(bridge: Bridge, recorder: Recorder | None, name: str) -> dict[str, Any]:
