@@ -167,8 +167,7 @@ def host_costs(fmu: Path, unzipped: Path, inverse_map: InverseMap) -> dict[str, 
     if not sys.platform.startswith("linux") or not libraries:
         return {}
     description = import_fmpy().read_model_description(str(fmu))
-    with as_file(files("fmus").joinpath("bench", "step_cost.c")) as source:
-        program = compiled(source, unzipped / "step_cost")
+    program = compiled(unzipped / "step_time")
     if program is None:
         return {}
     resources = (unzipped / "resources").as_uri()
@@ -177,9 +176,9 @@ def host_costs(fmu: Path, unzipped: Path, inverse_map: InverseMap) -> dict[str, 
     names = value_references(estimator_interface(inverse_map))
     thermal = inverse_map.thermal
     sensors = (thermal.n_sensors, thermal.reference_temperature)
-    numbers = (pressure, names["zero[1]"], *sensors, names.get(FILTER_TIME_CONSTANT, 0), REPEATS)
+    numbers = (pressure, names.get(FILTER_TIME_CONSTANT, 0), REPEATS, names["zero[1]"], *sensors)
     values = [repr(number) for number in numbers]
-    times = run([str(program), str(libraries[0]), description.guid, resources, *values, *strains])
+    times = run([str(program), "usual", str(libraries[0]), description.guid, resources, *values, *strains])
     seconds = np.array(times.split(), dtype=float).tolist()
     product, step, varied, faulty, warm, warm_varied, cold, filtered, instantiation = seconds
     more = f"with zeros and {sensors[0]} temperatures"
@@ -205,8 +204,8 @@ def strain_parts(inverse_map: InverseMap) -> tuple[FloatArray, FloatArray]:
     return inverse_map.fixed_strain, inverse_map.mean_strain - inverse_map.fixed_strain
 
 
-def compiled(source: Path, program: Path) -> Path | None:
-    """Return ``program``, made of a C file that calls an FMU's functions; None without a C compiler.
+def compiled(program: Path) -> Path | None:
+    """Return ``program``, made of ``fmus/bench/step_time.c``; None without a C compiler.
 
     Raises
     ------
@@ -217,7 +216,8 @@ def compiled(source: Path, program: Path) -> Path | None:
     if compiler is None:
         return None
     headers = Path(import_fmpy().__file__).parent / "c-code"
-    run([compiler, "-O2", f"-I{headers}", str(source), "-o", str(program), "-ldl"])
+    with as_file(files("fmus").joinpath("bench", "step_time.c")) as source:
+        run([compiler, "-O2", f"-I{headers}", str(source), "-o", str(program), "-ldl"])
     return program
 
 

@@ -7,7 +7,6 @@ import sys
 import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from importlib.resources import as_file, files
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -32,7 +31,7 @@ EVENTS = (
     "no dynamic pressure, Mach number, static pressure or altitude given",
     "first step, a third lost, sigma changed, no fit: all at once",
 )
-"""What happens in a step, by its number in ``fmus/bench/worst_step.c``."""
+"""What happens in a step, by its number in ``fmus/bench/step_time.c``."""
 
 AT_RANDOM = "masks, readings that are none, jumps, changed sigmas, tares at random"
 """The last line there."""
@@ -82,8 +81,7 @@ def worst_steps(map_path: Path, random_steps: int) -> dict[str, Mapping[str, Eve
         maps["nonlinear"] = inverse_map
     costs_of: dict[str, Mapping[str, EventCost]] = {}
     with tempfile.TemporaryDirectory(prefix="strainfmu_", dir=safe_temporary_parent()) as folder:
-        with as_file(files("fmus").joinpath("bench", "worst_step.c")) as host:
-            program = compiled(host, Path(folder) / "worst_step")
+        program = compiled(Path(folder) / "step_time")
         if program is None or not sys.platform.startswith("linux"):
             raise InputError("worst steps: expected Linux and a C compiler (cc, gcc or clang), got none")
         for name, inverse_map in maps.items():
@@ -114,15 +112,15 @@ def _costs(
     manifold = inverse_map.manifold
     numbers = (
         inverse_map.nominal_dynamic_pressure,
-        0.0 if manifold is None else float(manifold.mach_range.mean()),
-        names["zero_std[1]"],
         names[FILTER_TIME_CONSTANT] if filtered else 0,
-        names[TARE],
         REPEATS,
+        names["zero_std[1]"],
+        0.0 if manifold is None else float(manifold.mach_range.mean()),
+        names[TARE],
         random_steps,
         *(value for part in strain_parts(inverse_map) for value in part.tolist()),
     )
-    command = [str(program), str(library), description.guid, (fmu / "resources").as_uri()]
+    command = [str(program), "worst", str(library), description.guid, (fmu / "resources").as_uri()]
     costs = {}
     for line in run([*command, *map(repr, numbers)]).splitlines():
         number, *times = line.split()
