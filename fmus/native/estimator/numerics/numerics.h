@@ -179,12 +179,9 @@ EVERYWHERE void add_times(size_t n, double factor, const double *restrict x, dou
 /* The sum by a call. */
 double dot(size_t n, const double *x, const double *y);
 
-/* Replace the upper triangle of a (rows x columns, by columns) by the R of a = Q R; what lies below is scratch.
-   Householder reflections: Golub & Van Loan, Matrix Computations, section 5.2. wide as for CHOSEN. */
-void householder_triangle(int wide, size_t rows, size_t columns, double *a);
-
-/* The same for the first `pivots` columns of a (rows x columns), pivots <= rows: the other columns become Q' times them.
-   head (2 pivots) takes what householder_back needs besides a. */
+/* Replace the upper triangle of the first `pivots` columns of a (rows x columns, by columns), pivots <= rows, by the R of Q R, and
+   the other columns by Q' times them; what lies below is scratch. head (2 pivots) takes what householder_back needs besides a,
+   NULL for nothing. Householder reflections: Golub & Van Loan, Matrix Computations, section 5.2. wide as for CHOSEN. */
 void householder_columns(int wide, size_t rows, size_t pivots, size_t columns, double *a, double *head);
 
 /* x = Q' x, or x = Q x, for the Q of householder_columns; x has `rows` elements. */

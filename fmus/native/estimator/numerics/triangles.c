@@ -87,10 +87,6 @@ EVERYWHERE void reflections(size_t rows, size_t pivots, size_t columns, double *
 FOR_AVX2(reflections, (size_t rows, size_t pivots, size_t columns, double *a, double *head),
          (rows, pivots, columns, a, head))
 
-void householder_triangle(int wide, size_t rows, size_t columns, double *a) {
-    CHOSEN(wide, reflections)(rows, rows < columns ? rows : columns, columns, a, NULL);
-}
-
 void householder_columns(int wide, size_t rows, size_t pivots, size_t columns, double *a, double *head) {
     CHOSEN(wide, reflections)(rows, pivots, columns, a, head);
 }

@@ -30,6 +30,8 @@
 
 #include "update.h"
 
+#include "../../core/elementary.h"
+
 #include <math.h>
 #include <string.h>
 
@@ -37,35 +39,18 @@
 #define TRACE 15
 #define N_FACTORS (N_NODES * N_PAIRS)
 
-/* Ends of the intervals between 1/2 and 1: 2^(k/16) / 2, as constants, so that no platform rounds them otherwise. */
-static const double SIXTEENTH[17] = {0x1.0000000000000p-1, 0x1.0b5586cf9890fp-1, 0x1.172b83c7d517bp-1, 0x1.2387a6e756238p-1,
-                                     0x1.306fe0a31b715p-1, 0x1.3dea64c123422p-1, 0x1.4bfdad5362a27p-1, 0x1.5ab07dd485429p-1,
-                                     0x1.6a09e667f3bcdp-1, 0x1.7a11473eb0187p-1, 0x1.8ace5422aa0dbp-1, 0x1.9c49182a3f090p-1,
-                                     0x1.ae89f995ad3adp-1, 0x1.c199bdd85529cp-1, 0x1.d5818dcfba487p-1, 0x1.ea4afa2a490dap-1,
-                                     0x1.0000000000000p+0};
+/* Half of an interval of ln s: ln 2 / 32. */
+#define HALF_WIDTH 0x1.62e42fefa39efp-6
 
-/* v and e with value = v 2^e, 0.5 <= v < 1, for normal numbers; frexp without libm. */
-static double mantissa_of(double value, double *unit) {
-    uint64_t bits;
-    memcpy(&bits, &value, sizeof bits);
-    const uint64_t power = (bits & 0x7FF0000000000000u) + 0x0010000000000000u; /* of 2^e */
-    const uint64_t fraction = (bits & 0x000FFFFFFFFFFFFFu) | 0x3FE0000000000000u;
-    double mantissa;
-    memcpy(unit, &power, sizeof *unit);
-    memcpy(&mantissa, &fraction, sizeof mantissa);
-    return mantissa;
+double ratio_interval(double ratio, double half_width, double *t) {
+    const double place = logarithm(ratio) / (2.0 * half_width), whole = (double)(int)place;
+    const double number = whole > place ? whole - 1.0 : whole;
+    *t = 2.0 * (place - number) - 1.0;
+    return number;
 }
 
-/* The ends of the interval that a ratio lies in: below <= ratio < above. */
-static void ends_of(double ratio, double *below, double *above) {
-    double unit;
-    const double mantissa = mantissa_of(ratio, &unit);
-    size_t k = 0;
-    while (mantissa >= SIXTEENTH[k + 1]) {
-        k++;
-    }
-    *below = unit * SIXTEENTH[k];
-    *above = unit * SIXTEENTH[k + 1];
+double ratio_at(double number, double half_width, double t) {
+    return exponential((2.0 * number + 1.0 + t) * half_width);
 }
 
 static size_t n_values(const Scaled *scaled) {
@@ -84,7 +69,7 @@ void current_errors_arrays(Scaled *scaled, Room *room) {
     errors->common = taken(room, common * whole);
     TAKE(room, loads * whole, &errors->weighted, &errors->gain);
     TAKE(room, whole, &errors->unresolved, &errors->precision, &errors->product);
-    errors->products = taken(room, N_PAIRS);
+    errors->products = taken(room, dense_rows(N_PAIRS));
     errors->parts = taken(room, dense_columns(N_FACTORS));
     errors->value = taken(room, dense_rows(FIVE_VALUES));
     errors->own = taken(room, whole);
@@ -222,15 +207,6 @@ static void add_common(Scaled *scaled, const double *shown) {
     add_common_error(loads, errors->common_load, square, errors->node);
 }
 
-void lagrange(size_t n, const double *point, const double *weight, double t, double *part) {
-    for (size_t k = 0; k < n; k++) {
-        part[k] = weight[k];
-        for (size_t j = 0; j < n; j++) {
-            part[k] *= j == k ? 1.0 : t - point[j];
-        }
-    }
-}
-
 /* Chebyshev's points of [-1, 1], cos((2 k + 1) pi / 12), and their weights for lagrange(). */
 static const double POINT[N_NODES] = {0x1.ee8dd4748bf15p-1,  0x1.6a09e667f3bcdp-1,  0x1.0907dc1930690p-2,
                                       -0x1.0907dc1930690p-2, -0x1.6a09e667f3bcdp-1, -0x1.ee8dd4748bf15p-1};
@@ -290,20 +266,20 @@ static void set_bounds(Scaled *scaled, Interval *interval) {
     interval->bounded = current_errors_set_bound(scaled, interval, 0, interval->bound);
 }
 
-/* Intervals are found by their lower end, an exact number; the oldest gives way. */
+/* The oldest gives way. Ends are the same numbers for both intervals that they belong to, so that one holds a ratio. */
 const Interval *current_interval(Scaled *scaled, double ratio) {
     CurrentErrors *errors = &scaled->errors;
-    double below, above;
-    ends_of(ratio, &below, &above);
     for (size_t k = 0; k < CACHED_INTERVALS; k++) {
-        if (errors->interval[k].below == below) {
+        if (errors->interval[k].below <= ratio && ratio < errors->interval[k].above) {
             return &errors->interval[k];
         }
     }
     Interval *interval = &errors->interval[errors->next];
     errors->next = (errors->next + 1) % CACHED_INTERVALS;
-    interval->below = below;
-    interval->above = above;
+    double place, number = ratio_interval(ratio, HALF_WIDTH, &place);
+    number += ratio < ratio_at(number, HALF_WIDTH, -1.0) ? -1.0 : ratio < ratio_at(number, HALF_WIDTH, 1.0) ? 0.0 : 1.0;
+    interval->below = ratio_at(number, HALF_WIDTH, -1.0);
+    interval->above = ratio_at(number, HALF_WIDTH, 1.0);
     set_bounds(scaled, interval);
     if (scaled->map->form.has_errors) {
         set_factors(scaled, interval);
@@ -328,11 +304,10 @@ void set_products_of_coefficients(const Scaled *scaled, double *products) {
 /* The products, of the loads of the step as they are without these errors, and times Lagrange's polynomials. */
 void current_errors_set_parts(Scaled *scaled) {
     CurrentErrors *errors = &scaled->errors;
-    const ScaledStep *step = &scaled->step;
-    const Interval *interval = step->interval;
+    const Interval *interval = scaled->step.interval;
     const double middle = 0.5 * (interval->below + interval->above), half = 0.5 * (interval->above - interval->below);
     double part[N_NODES];
-    lagrange(N_NODES, POINT, WEIGHT, (step->ratio - middle) / half, part);
+    lagrange(N_NODES, POINT, WEIGHT, (scaled->step.ratio - middle) / half, part);
     set_products_of_coefficients(scaled, errors->products);
     for (size_t j = 0; j < N_NODES; j++) {
         for (size_t pair = 0; pair < N_PAIRS; pair++) {

@@ -90,20 +90,23 @@ static void set_y(Scaled *scaled) {
     dense_times_many(scaled->wide, n, n, scaled->columns, step->n_lost, scaled->of_lost, whole, step->y, whole);
 }
 
-/* Row k of B: R'^-1 times V_L' W F'. */
-static void set_growth(const Scaled *scaled, size_t k) {
+/* B' = R'^-1 V_L' W F', a row of B for each load. */
+static void set_growth(const Scaled *scaled) {
     const ScaledStep *step = &scaled->step;
-    const size_t n = scaled->map->n_gauges;
-    const double *load = scaled->map->made->load + k;
-    double *growth = step->growth + k * step->n_lost;
-    for (size_t j = 0; j < step->n_lost; j++) {
+    const size_t n = scaled->map->n_gauges, n_loads = scaled->n_loads, n_lost = step->n_lost;
+    memset(step->growth, 0, n_loads * n_lost * sizeof *step->growth);
+    for (size_t j = 0; j < n_lost; j++) {
         const double *column = scaled->map->made->whitening + step->lost[j] * n;
-        growth[j] = 0.0;
         for (size_t a = 0; a < n; a++) {
-            growth[j] += step->weight[a] * load[a * scaled->n_loads] * column[a];
+            const double weighted = step->weight[a] * column[a], *load = scaled->map->made->load + a * n_loads;
+            for (size_t k = 0; k < n_loads; k++) {
+                step->growth[k * n_lost + j] += weighted * load[k];
+            }
         }
     }
-    solve_transposed(n, step->n_lost, step->qr_of_gain.matrix, growth);
+    for (size_t k = 0; k < n_loads; k++) {
+        solve_transposed(n, n_lost, step->qr_of_gain.matrix, step->growth + k * n_lost);
+    }
 }
 
 void lost_rows_take(const Scaled *scaled, size_t k, double *restrict gain) {
@@ -122,9 +125,7 @@ void lost_rows_prepare(Scaled *scaled) {
     }
     /* The mean strain comes first: of_mean of the lost gauges is part of the derivative by q_inf. */
     predict_lost(scaled, step->qr_of_gain.matrix + step->n_lost * scaled->map->n_gauges, scaled->mean_left);
-    for (size_t k = 0; k < scaled->n_loads; k++) {
-        set_growth(scaled, k);
-    }
+    set_growth(scaled);
     set_y(scaled);
 }
 

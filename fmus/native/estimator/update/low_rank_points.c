@@ -25,8 +25,6 @@
 
 #include "low_rank.h"
 
-#include "../../core/elementary.h"
-
 #include <math.h>
 
 #define BLOCK 64           /* gauges whose products are summed while they are in the cache */
@@ -253,7 +251,7 @@ typedef struct {
 
 static Point point_of(const Scaled *scaled, const LowInterval *interval, size_t k) {
     const size_t n = scaled->map->n_gauges, order = scaled->low.order, terms = 6 * scaled->map->form.n_terms;
-    return (Point){.s = interval->middle * exponential(LOW_HALF_WIDTH * POINT[k]),
+    return (Point){.s = ratio_at(interval->number, LOW_HALF_WIDTH, POINT[k]),
                    .covariance = interval->covariance + k * triangle_column(order),
                    .column = interval->column + k * (N_LOADS + 1) * order,
                    .precision = interval->precision + k * n,
@@ -398,16 +396,13 @@ static LowInterval *interval_of(LowRank *low, double number, unsigned long gauge
     low->next = (low->next + 1) % LOW_INTERVALS;
     interval->number = number;
     interval->gauges = gauges;
-    interval->middle = exponential((2.0 * number + 1.0) * LOW_HALF_WIDTH);
     *known = 0;
     return interval;
 }
 
-/* The interval that holds a ratio, for a set of gauges. */
-static const LowInterval *interval_at(Scaled *scaled, const MaskedMap *masked, double s) {
+/* The interval of a number for a set of gauges, filled. */
+static const LowInterval *filled(Scaled *scaled, const MaskedMap *masked, double number) {
     LowRank *low = &scaled->low;
-    const double place = logarithm(s) / (2.0 * LOW_HALF_WIDTH), whole = (double)(int)place;
-    const double number = whole > place ? whole - 1.0 : whole;
     const size_t n = scaled->map->n_gauges, lost = n - masked->n_used;
     const int by_all = lost > 0 && lost <= MOST_SUBTRACTED;
     int known;
@@ -447,8 +442,9 @@ void low_rank_between(const Scaled *scaled, size_t count, const double *at_point
 
 void low_rank_at(Scaled *scaled, const MaskedMap *masked, double s) {
     LowRank *low = &scaled->low;
-    low->at = interval_at(scaled, masked, s);
-    lagrange(LOW_NODES, POINT, WEIGHT, (logarithm(s) - logarithm(low->at->middle)) / LOW_HALF_WIDTH, low->part);
+    double t;
+    low->at = filled(scaled, masked, ratio_interval(s, LOW_HALF_WIDTH, &t));
+    lagrange(LOW_NODES, POINT, WEIGHT, t, low->part);
 }
 
 int low_rank_nominal(Scaled *scaled, const unsigned char *mask, double *weight) {

@@ -100,7 +100,7 @@ static double information_left(Prepared *prepared, size_t n_missing) {
             r[j * n + i] = i < gauge ? 0.0 : map->made->noise_whitening[triangle_column(i) + gauge];
         }
     }
-    householder_triangle(prepared->noise.wide, n, n_missing, r);
+    householder_columns(prepared->noise.wide, n, n_missing, n_missing, r, NULL);
     for (size_t j = 0; j < n_missing; j++) {
         double *column = ratio + j * n_missing;
         memset(column, 0, n_missing * sizeof *column);

@@ -137,7 +137,7 @@ typedef struct {
     double *common;           /* (n_terms, 6, whole) V E */
     double *rows;             /* (6 n_terms, n) E, in panels */
     /* Of the step. */
-    double *products;         /* (21) c_a c_b less its mean, */
+    double *products;         /* (24) c_a c_b less its mean, */
     double *parts;            /* (6, 21) and times Lagrange's polynomials of the ratio in its interval */
     double *value;            /* (16) G D G' and the trace of P D, with all gauges */
     double *own;              /* (n) D_ii of the gauges' own errors */
@@ -202,7 +202,6 @@ typedef struct {
 typedef struct {
     double number;         /* of the interval; NaN before it is known */
     unsigned long gauges;  /* number of the set of gauges, 0 of all */
-    double middle;         /* ratio */
     double *covariance;    /* (LOW_NODES, order (order + 1) / 2) C at each point, packed by rows from the diagonal on */
     double *column;        /* (LOW_NODES, 6, order) g and g_m */
     double *precision;     /* (LOW_NODES, n_gauges) P_ii */
@@ -309,8 +308,19 @@ int current_errors_set_bound(const Scaled *scaled, const Interval *interval, siz
 /* Set errors.products and errors.parts. */
 void current_errors_set_parts(Scaled *scaled);
 
+/* Intervals of ln s, each from -1 to 1: the number of the one that holds a ratio, and where; the ratio at a place in one. */
+double ratio_interval(double ratio, double half_width, double *t);
+double ratio_at(double number, double half_width, double t);
+
 /* Lagrange's polynomials of n points at t; a weight is 1 over the product of a point's distances from the others. */
-void lagrange(size_t n, const double *point, const double *weight, double t, double *part);
+EVERYWHERE void lagrange(size_t n, const double *point, const double *weight, double t, double *part) {
+    for (size_t k = 0; k < n; k++) {
+        part[k] = weight[k];
+        for (size_t j = 0; j < n; j++) {
+            part[k] *= j == k ? 1.0 : t - point[j];
+        }
+    }
+}
 
 /* The gain of the gauges in use, and what errors in common make of it and of Y: where the lost gauges or the ratio change,
    after lost_rows_prepare. */
