@@ -327,7 +327,6 @@ void settle_open(SbState *state, int kind, double time); /* of the open cycle */
 
 void close_cycle(const SbPlan *plan, SbState *state, double now);
 uint32_t causes_of_others(const SbState *state, double now);
-void forget_sender(const SbPlan *plan, SbState *state);
 
 /* What the sender has heard: when it was ready here, and for how long it was known when the strains were sampled [s]. */
 typedef struct {

@@ -182,7 +182,7 @@ static void drop_open(const SbPlan *p, SbState *s, double time) {
 }
 
 /* Another run of the sender: nothing that was proven of the one before holds for it. */
-void forget_sender(const SbPlan *p, SbState *s) {
+static void forget_sender(const SbPlan *p, SbState *s) {
     SbSlotState *q = slots_of(s);
     drop_open(p, s, s->first);
     for (int i = 0; i < p->n_slots; i++) {

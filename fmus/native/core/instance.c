@@ -223,7 +223,7 @@ int instance_end_initialization(Instance *instance, const char *function, Mode m
     if (!instance_allows(instance, function, INITIALIZATION)) {
         return STATUS_ERROR;
     }
-    model_end_initialization(instance->model);
+    model_notice(instance->model, MODEL.end_initialization);
     if (instance->node != NULL) {
         node_begin(instance->node, instance->model->time);
     }
@@ -235,7 +235,7 @@ int instance_go_on(Instance *instance, const char *function, int from) {
     if (!instance_allows(instance, function, from)) {
         return STATUS_ERROR;
     }
-    model_settle(instance->model);
+    model_notice(instance->model, MODEL.settle);
     instance->model->mode = CONTINUOUS_TIME;
     return STATUS_OK;
 }
@@ -244,7 +244,7 @@ int instance_end_solver_step(Instance *instance, const char *function, int *even
     if (!instance_allows(instance, function, CONTINUOUS_TIME)) {
         return STATUS_ERROR;
     }
-    model_accept_step(instance->model);
+    model_notice(instance->model, MODEL.accept_step);
     *event = model_unsettled(instance->model);
     instance_log_event(instance);
     return STATUS_OK;
@@ -257,7 +257,7 @@ void instance_follow_event(Instance *instance) {
         floating_leave(&host);
         instance_log_event(instance);
     } else if (instance->kind == MODEL_EXCHANGE_2 || instance->kind == MODEL_EXCHANGE_3) {
-        model_follow_event(instance->model);
+        model_notice(instance->model, MODEL.follow_event);
     }
 }
 

@@ -30,18 +30,11 @@ int model_step(Model *model, double start, double end, char text[MODEL_TEXT_SIZE
     COMPUTE_AS(int, MODEL.step(model, start, end, text));
 }
 
-/* One that nothing happens without. */
-#define OPTIONAL(name)                    \
-    void model_##name(Model *model) {     \
-        if (MODEL.name != NULL) {         \
-            COMPUTE(MODEL.name(model));   \
-        }                                 \
+void model_notice(Model *model, void (*function)(Model *model)) {
+    if (function != NULL) {
+        COMPUTE(function(model));
     }
-
-OPTIONAL(end_initialization)
-OPTIONAL(follow_event)
-OPTIONAL(accept_step)
-OPTIONAL(settle)
+}
 
 int model_unsettled(Model *model) {
     COMPUTE_AS(int, MODEL.unsettled != NULL && MODEL.unsettled(model));

@@ -67,9 +67,9 @@ typedef struct {
     void (*reset)(Model *model);
     int (*step)(Model *model, double start, double end, char text[MODEL_TEXT_SIZE]);
     void (*end_initialization)(Model *model); /* this and the next five: NULL where nothing happens */
-    void (*follow_event)(Model *model);
-    void (*accept_step)(Model *model);
-    void (*settle)(Model *model);
+    void (*follow_event)(Model *model);       /* model exchange: an event takes discrete inputs in, */
+    void (*accept_step)(Model *model);        /* a step of the solver is accepted, */
+    void (*settle)(Model *model);             /* discrete outputs take the values of the inputs */
     int (*unsettled)(Model *model);
     int (*event)(Model *model, char text[MODEL_TEXT_SIZE]);
     int (*get)(Model *model, Type type, const Selection *which, void *value, char text[MODEL_TEXT_SIZE]);
@@ -101,19 +101,13 @@ void model_reset(Model *model);
 
 void model_set_time(Model *model, double time);
 
-/* The initialization ends. */
-void model_end_initialization(Model *model);
-
 /* Go on from start to end [s]. STATUS_DISCARD, after a message, if the model wants to end there. */
 int model_step(Model *model, double start, double end, char text[MODEL_TEXT_SIZE]);
 
-/* Model exchange: an event takes discrete inputs in; a step of the solver is accepted. */
-void model_follow_event(Model *model);
-void model_accept_step(Model *model);
+/* One of the functions of MODEL that may be NULL for nothing. */
+void model_notice(Model *model, void (*function)(Model *model));
 
-/* Let discrete outputs take the values of the inputs, and keep them in continuous-time mode; whether they would take
-   others by now. */
-void model_settle(Model *model);
+/* Whether discrete outputs would take others than the values that they keep in continuous-time mode. */
 int model_unsettled(Model *model);
 
 /* Whether something has happened that was not reported before; then it is in text. */

@@ -129,7 +129,8 @@ static int is_before_steps(const SystemModel *model) {
     return ((int)model->base.mode & BEFORE_STEPS) != 0;
 }
 
-void system_update(SystemModel *model) {
+/* Compute the outputs if something has changed. */
+static void system_update(SystemModel *model) {
     if (!model->outdated) {
         return;
     }

@@ -41,7 +41,4 @@ struct SystemModel {
     int outdated; /* whether outputs must be computed before they are read */
 };
 
-/* Compute the outputs if something has changed. */
-void system_update(SystemModel *model);
-
 #endif

@@ -55,17 +55,39 @@ PressureErrors flight_pressure_errors(const FlightSolver *solver) {
     return pressure;
 }
 
-/* L^-1 Gamma_dL of `count` loads, at the pressure that L belongs to. */
-void flight_turn(const FlightSolver *solver, const double *strain_covariance, size_t count, double *turned) {
+/* The load of the considered error with tables of its own; 0 without. */
+static double of_tables(const FlightSolver *solver, size_t load) {
+    return solver->map->considered.n_rows > 0 ? solver->full.response.value[solver->n_gauges + load] : 0.0;
+}
+
+/* L^-1 Gamma_dL of `count` loads from load `first` on, at a pressure. With the covariances `considered`, NULL for none, an error
+   with tables adds its strain times its load. */
+static void turn(const FlightSolver *solver, const double *factor, double pressure, const double *strain_covariance,
+                 const double *considered, size_t first, size_t count, double *turned) {
     const size_t n = solver->n, n_gauges = solver->n_gauges;
-    const double square = solver->factor_pressure * solver->factor_pressure;
+    const double square = pressure * pressure;
+    const double *of_error = considered != NULL && solver->map->considered.n_rows > 0 ? solver->full.response.value : NULL;
     memset(turned, 0, count * n * sizeof *turned);
     for (size_t i = 0; i < count; i++) {
+        const double load = of_error != NULL ? of_tables(solver, first + i) : 0.0;
         for (size_t g = 0; g < n_gauges; g++) {
-            turned[i * n + g] = solver->sample.used[g] ? square * strain_covariance[i * n_gauges + g] : 0.0;
+            const size_t at = i * n_gauges + g;
+            const double both = square * (strain_covariance[at] + (considered != NULL ? considered[at] : 0.0));
+            turned[i * n + g] = !solver->sample.used[g] ? 0.0 : of_error != NULL ? both + load * of_error[g] : both;
         }
     }
-    solve_lower(solver->wide, n, solver->factor, count, turned);
+    solve_lower(solver->wide, n, factor, count, turned);
+}
+
+/* At the pressure that L belongs to. */
+void flight_turn(const FlightSolver *solver, const double *strain_covariance, size_t count, double *turned) {
+    turn(solver, solver->factor, solver->factor_pressure, strain_covariance, NULL, 0, count, turned);
+}
+
+/* The same by L_full. */
+static void flight_turn_full(const FlightSolver *solver, const double *strain_covariance, const double *considered,
+                             size_t first, size_t count, double *turned) {
+    turn(solver, solver->full.factor, solver->response.pressure, strain_covariance, considered, first, count, turned);
 }
 
 double flight_corrected(const FlightSolver *solver, const double *right, const Response *response, size_t row,
@@ -75,29 +97,6 @@ double flight_corrected(const FlightSolver *solver, const double *right, const R
         by_state[k] = response->jacobian[k][row] - dot(n, turned, right + (1 + k) * n);
     }
     return response->value[row] + dot(n, turned, right);
-}
-
-/* The load of the considered error with tables of its own; 0 without. */
-static double of_tables(const FlightSolver *solver, size_t load) {
-    return solver->map->considered.n_rows > 0 ? solver->full.response.value[solver->n_gauges + load] : 0.0;
-}
-
-/* L_full^-1 of the same and of the considered errors' Gamma_dL; an error with tables adds its strain times its load. */
-static void flight_turn_full(const FlightSolver *solver, const double *strain_covariance, const double *considered,
-                      size_t first, size_t count, double *turned) {
-    const size_t n = solver->n, n_gauges = solver->n_gauges;
-    const double square = solver->response.pressure * solver->response.pressure;
-    const double *of_error = solver->map->considered.n_rows > 0 ? solver->full.response.value : NULL;
-    memset(turned, 0, count * n * sizeof *turned);
-    for (size_t i = 0; i < count; i++) {
-        const double load = of_tables(solver, first + i);
-        for (size_t g = 0; g < n_gauges; g++) {
-            const size_t at = i * n_gauges + g;
-            const double both = square * (strain_covariance[at] + considered[at]);
-            turned[i * n + g] = !solver->sample.used[g] ? 0.0 : of_error != NULL ? both + load * of_error[g] : both;
-        }
-    }
-    solve_lower(solver->wide, n, solver->full.factor, count, turned);
 }
 
 /* Derivatives of a load and of its coefficient by the state in the full model, and what they are apart from its estimates. */

@@ -87,6 +87,11 @@ static void eliminate_free(AddedNoise *noise, const double *inverse, double *who
     householder_columns(noise->wide, n, n_free + reflected_columns(file), n_free + 2 * n, whole, noise->head);
 }
 
+/* The covariance of the gauges' own errors in entry k. */
+static double own_covariance(const AddedNoise *noise, size_t k) {
+    return (noise->own != NULL ? noise->own : noise->file.gauge_covariance)[k] + noise->added[k];
+}
+
 /* Loads are the five, then those in addition. */
 static size_t n_loads(const AddedNoise *noise) {
     return N_LOADS + noise->other_loads->map.n_loads;

@@ -233,12 +233,3 @@ int low_rank_correlated(const Scaled *scaled, size_t i, size_t j) {
     return is_checked(scaled, i, low->nominal_precision[i]) && is_checked(scaled, j, low->nominal_precision[j])
         && covariance * covariance >= limit * limit * squares;
 }
-
-void low_rank_set_precisions(Scaled *scaled, const MaskedMap *masked) {
-    LowRank *low = &scaled->low;
-    if (low->grouped != masked->number) {
-        low_rank_nominal(scaled, masked->mask, low->nominal_weight);
-        low_rank_nominal_precision(scaled);
-        low->grouped = masked->number;
-    }
-}

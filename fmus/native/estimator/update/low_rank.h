@@ -15,12 +15,9 @@ void low_rank_at(Scaled *scaled, const MaskedMap *masked, double s);
 /* `count` numbers at the ratio of the step from those at all points. */
 void low_rank_between(const Scaled *scaled, size_t count, const double *at_points, double *out);
 
-/* w of a set of gauges, 0 for lost ones; w and the root of A at a ratio of 1, 0 where it has none; C, of n_lost lost gauges;
-   B and P_ii by the last root, of nominal_weight. */
+/* w of a set of gauges, 0 for lost ones; C at a ratio of 1, of n_lost lost gauges, 0 where A has no root there. */
 void low_rank_weights(const Scaled *scaled, const unsigned char *mask, double s, double *weight);
-int low_rank_nominal(Scaled *scaled, const unsigned char *mask, double *weight);
 int low_rank_nominal_covariance(Scaled *scaled, const unsigned char *mask, size_t n_lost, double *covariance);
-void low_rank_nominal_precision(Scaled *scaled);
 
 /* The size of a column at a ratio. */
 static inline double size_at(const LowRank *low, double s, size_t column) {

@@ -447,7 +447,8 @@ void low_rank_at(Scaled *scaled, const MaskedMap *masked, double s) {
     lagrange(LOW_NODES, POINT, WEIGHT, t, low->part);
 }
 
-int low_rank_nominal(Scaled *scaled, const unsigned char *mask, double *weight) {
+/* w and the root of A at a ratio of 1; 0 where it has none. */
+static int set_nominal(Scaled *scaled, const unsigned char *mask, double *weight) {
     LowRank *low = &scaled->low;
     low_rank_weights(scaled, mask, 1.0, weight);
     CHOSEN(scaled->wide, set_gram)(scaled->map->n_gauges, low->width, low->row, weight, low->gram);
@@ -482,14 +483,18 @@ int low_rank_nominal_covariance(Scaled *scaled, const unsigned char *mask, size_
             return 1;
         }
     }
-    if (!low_rank_nominal(scaled, mask, low->sized)) {
+    if (!set_nominal(scaled, mask, low->sized)) {
         return 0;
     }
     set_covariance(scaled, covariance);
     return 1;
 }
 
-void low_rank_nominal_precision(Scaled *scaled) {
+void low_rank_set_precisions(Scaled *scaled, const MaskedMap *masked) {
     LowRank *low = &scaled->low;
-    set_precision(scaled, low->nominal_weight, low->nominal_along, low->nominal_precision);
+    if (low->grouped != masked->number) {
+        set_nominal(scaled, masked->mask, low->nominal_weight);
+        set_precision(scaled, low->nominal_weight, low->nominal_along, low->nominal_precision);
+        low->grouped = masked->number;
+    }
 }

@@ -26,11 +26,6 @@ typedef struct {
     double *rows;      /* of gain and loads of form "absolute" */
 } AddedNoise;
 
-/* The covariance of the gauges' own errors in entry k. */
-static inline double own_covariance(const AddedNoise *noise, size_t k) {
-    return (noise->own != NULL ? noise->own : noise->file.gauge_covariance)[k] + noise->added[k];
-}
-
 /* The row of largest S, or of its square, that is not taken yet; `size` of a taken row is -1. */
 static inline size_t next_row(size_t count, const double *size) {
     size_t best = 0;
