@@ -98,6 +98,7 @@ def test_uniform_pressure_is_the_mean_harmonic(
     np.testing.assert_allclose(strain.reshape(9, 4, 2), np.repeat(expected[:, None], 4, axis=1), rtol=1e-10)
 
 
+@pytest.mark.slow
 def test_mesh_refinement_changes_little(
     body: BodyOfRevolution, wall: Wall, ring_of_gauges: PlacedGauges, grid: SurfaceGrid
 ) -> None:
