@@ -173,8 +173,7 @@ def calibrate(
             solid = load_structure(_beside(map_path, STRUCTURE, structure, cached_structure, loaded, reporter))
             tested: AnyAsBuilt = displaced_structure(loaded, mapped_structure(solid, pressures))
         else:
-            highest, within = harmonics_of_test(readings)
-            tested = structure_of_test(loaded, max_harmonic=highest, harmonic_within=within, progress=advance)
+            tested = structure_of_test(loaded, max_harmonic=harmonics_of_test(readings), progress=advance)
     if tested.gauges.names != map_as_drawn.gauge_names:
         raise InputError(f"{map_path}: gauges are not the gauges of layout '{loaded.gauges.layout}'")
     flown = as_flown(loaded, pressures)

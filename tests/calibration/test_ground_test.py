@@ -27,6 +27,7 @@ from builder.calibration.score.simulated_test import (
     write_ground_test,
 )
 from builder.structure.as_built.as_built_structure import AsBuiltStructure
+from builder.structure.as_built.as_built_vehicle import BuiltStructure
 from builder.structure.loads.applied import Load, PadForce, PadPressure, PointForce, SurfacePressure, Weight
 from builder.vehicle.file import IC3X, load_vehicle
 from strainfmu.arrays import FloatArray
@@ -38,7 +39,7 @@ NAMES = tuple(f"g{k}" for k in range(20))
 EXACT = LoadErrors(load=0.0, common=0.0, pad_position=0.0, pad_roll=0.0, pad_shape=0.0)
 
 
-class SimpleStructure:
+class SimpleStructure(BuiltStructure):
     """A structure whose gauges read 1 um/m per 10 N on a pad, times their number, and their zeros."""
 
     gauges = SimpleNamespace(names=NAMES)

@@ -8,13 +8,12 @@ import pytest
 from builder.structure.as_built.response_tables import side_phases
 from builder.structure.as_built.wall_changes import WAVES, rolled_quarter, times_cosine, times_waves
 from builder.structure.as_built.wall_regions import WallRegions, thickened
-from builder.structure.as_built.wall_states import LOW, WallStates, wall_states
+from builder.structure.as_built.wall_states import LOW, ChangedStrain, WallStates, wall_states
 from builder.structure.fourier.inner_surface import PlacedGauges
 from builder.structure.fourier.meridian_mesh import tube_mesh
 from builder.structure.loads.applied import Load, SectionLoad, SurfacePressure, Weight
 from builder.structure.loads.gauge_strain import nodal_force
 from builder.structure.loads.loaded_structure import INNER, LoadProperties
-from builder.structure.loads.temperature import TemperatureField
 from builder.structure.wall import Material, Wall
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
@@ -28,10 +27,6 @@ ONE = WallRegions(end=np.array([-1.0, LENGTH]))
 
 @pytest.fixture(scope="module")
 def states() -> WallStates:
-    return solved()
-
-
-def solved(changed_within: int = 4, max_harmonic: int = 4) -> WallStates:
     ends = np.array([0.0, LENGTH])
     mesh = tube_mesh(ends, np.full(2, RADIUS - THICKNESS), np.full(2, RADIUS), element_length=0.05)
     gauge = PlacedGauges(
@@ -44,15 +39,20 @@ def solved(changed_within: int = 4, max_harmonic: int = 4) -> WallStates:
         gauges=gauge,
         along=np.array([1e-3]),
         properties=LoadProperties(density=4430.0, expansion=9e-6),
-        max_harmonic=max_harmonic,
-        changed_harmonic=max_harmonic,
-        changed_within=changed_within,
+        max_harmonic=4,
+        changed_harmonic=4,
     )
+
+
+def changed_strain(states: WallStates, load: Load) -> ChangedStrain:
+    """Return the strain of one load on changed walls, (.., 2, n_m, n_s, 3)."""
+    force = [states.rows.split(nodal_force(states.forces[0], load))]
+    return states.changes.strain(lambda n: states.rows.of_harmonic(force, n), 2, 5)
 
 
 def axial_change(states: WallStates, load: Load, roll: float) -> float:
     """Return the change of axial strain per amplitude of a wall thicker at roll angle 0."""
-    amplitude = states.uneven[0].strain(states.rows.split(nodal_force(states.forces[0], load)))[0]
+    amplitude = changed_strain(states, load).uneven[0, 0]
     found = 0.0
     for (cosine, sine, factor), part in zip(side_phases(np.array([roll]), 5, 1), amplitude, strict=True):
         found += float(factor[0] * (part[0, :, 0, 0] @ cosine[:, 0] + part[1, :, 0, 0] @ sine[:, 0]))
@@ -83,10 +83,10 @@ def test_bending_moves_the_neutral_axis(states: WallStates) -> None:
 
 def test_a_thicker_region_is_an_even_change(states: WallStates) -> None:
     """A thinner and a thicker wall strain under an axial force as 1 / t does."""
-    split = states.rows.split(nodal_force(states.forces[0], SectionLoad(station=0.0, force=(-1e3, 0.0, 0.0))))
-    even, first, second = (
-        float(one.strain(split)[0, 0, 0, 0]) for one in (states.nominal, states.wall[0], states.wall_twice[0])
-    )
+    load = SectionLoad(station=0.0, force=(-1e3, 0.0, 0.0))
+    changed = changed_strain(states, load)
+    nominal = states.nominal.strain(states.rows.split(nodal_force(states.forces[0], load)))
+    even, first, second = (float(one[0, 0, 0, 0]) for one in (nominal, changed.wall[0], changed.wall_twice[0]))
     thin, thick = (even + size * (first + size * second) for size in (-0.04, 0.04))
     outer = RADIUS**2
     area = [outer - (RADIUS - factor * THICKNESS) ** 2 for factor in (0.96, 1.0, 1.04)]
@@ -100,24 +100,12 @@ def test_weight_changes_with_the_wall(states: WallStates) -> None:
     assert (weights[2] - weights[0]) / weights[1] == pytest.approx(0.08, rel=0.02)
 
 
-def test_loads_within_the_wall_beyond_what_was_kept_are_refused() -> None:
-    """A wall whose changes were kept for weight refuses a temperature that goes twice round the body."""
-    kept = solved(changed_within=1)
-    for harmonic, held in ((1, [kept.nominal, kept.soft[0]]), (2, [kept.nominal])):
-        for one in held:
-            one.strain(kept.rows.split(_heated(kept, harmonic)))
-    pressure = nodal_force(kept.forces[0], SurfacePressure(surface=INNER, pressure=1e4))
-    assert kept.soft[0].strain(kept.rows.split(pressure)).any()
-    with pytest.raises(InputError, match="harmonics up to 1 within the wall"):
-        kept.soft[0].strain(kept.rows.split(_heated(kept, 2)))
-    assert len(solved(changed_within=9, max_harmonic=8).soft[0].low) == LOW
-
-
-def _heated(states: WallStates, harmonic: int) -> FloatArray:
-    """Return the nodal forces of a temperature that goes as cos(harmonic phi)."""
-    warm = np.tile(50.0 * np.cos(harmonic * 2.0 * np.pi * np.arange(9) / 9), (2, 1))
-    field = TemperatureField(station=np.array([0.0, LENGTH]), inner=warm, outer=warm)
-    return nodal_force(states.forces[0], field)
+def test_loads_within_the_wall_in_high_harmonics_are_refused(states: WallStates) -> None:
+    force = np.zeros((2, LOW + 1, states.rows.n_nodes, 3))
+    force[0, LOW, states.rows.inner[0]] = 1.0
+    with pytest.raises(InputError, match=f"harmonics up to {LOW - 1} within the wall"):
+        states.rows.split(force)
+    assert changed_strain(states, SurfacePressure(surface=INNER, pressure=1e4)).soft[0].any()
 
 
 def amplitudes(random: np.random.Generator) -> FloatArray:
@@ -172,7 +160,7 @@ def test_a_wall_thicker_on_two_sides_stiffens_one_plane(states: WallStates) -> N
         force = states.rows.split(nodal_force(states.forces[0], load))
         nominal = states.nominal.strain(force)[:, 1, 0, 0]
         family = int(np.abs(nominal).argmax())
-        back = states.uneven[1].strain(force)[0, 0, family, 1, 0, 0]  # load as n = 1, strain as m = -1
+        back = changed_strain(states, load).uneven[1, 0, 0, family, 1, 0, 0]  # load as n = 1, strain as m = -1
         # In the sine's family harmonic -1 is the negative of harmonic 1.
         change = (1.0 if family == 0 else -1.0) * back / nominal[family]
         assert change == pytest.approx(-sign * expected / abs(nominal[family]), rel=0.02)

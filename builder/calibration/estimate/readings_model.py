@@ -215,15 +215,19 @@ class ReadingsModel:
             -1, 2, len(DIRECTIONS)
         )
         self.time = np.linspace(0.0, 1.0, len(test.cases))
-        for case, known in self.loads:
-            self._refuse_unfit(test.cases[case].name, known.load)
-        none = np.zeros((len(self.loads), len(PAD_STEPS)))
-        self._pads = self._pad_changes(partial(structure.nominal_strain, structure.solved), none, 0.0)
         self._hung = [
             (k, hanging(known.load, test.cases[k], 1.0))
             for k, known in self.loads
             if isinstance(known.load, PLACED)
         ]
+        try:
+            structure.solve_for([*(known.load for _, known in self.loads), *(load for _, load in self._hung)])
+        except InputError:
+            for case, known in self.loads:
+                self._refuse_unfit(test.cases[case].name, known.load)
+            raise
+        none = np.zeros((len(self.loads), len(PAD_STEPS)))
+        self._pads = self._pad_changes(partial(structure.nominal_strain, structure.solved), none, 0.0)
         self._together: dict[str, Any] = {}
         self._kept: dict[tuple[bool, bool], _Kept] = {}
         vehicle_names = parameter_names(structure.gauges.names, structure.counts)

@@ -12,7 +12,7 @@ import numpy as np
 from builder.calibration.ground_test.load_entries import NO_LOAD_CELL, entry_of
 from builder.calibration.ground_test.load_test import KnownLoad, LoadErrors, LoadTest
 from builder.structure.loads.applied import Load, PadForce, PadPressure, SectionLoad, SurfacePressure, Weight
-from builder.structure.loads.fourier import harmonics_of, harmonics_within, pad_harmonics
+from builder.structure.loads.fourier import harmonics_of, pad_harmonics
 from builder.vehicle.file import Vehicle
 from strainfmu.errors import InputError
 
@@ -144,12 +144,10 @@ def _pad(limits: LoadLimits, station: float, roll: float, direction: str) -> Pla
     return PlannedCase(name=name, loads=(PadForce(**place, force=(x, y, z)),))
 
 
-def harmonics_of_test(test: LoadTest) -> tuple[int, int]:
-    """Return the highest harmonic in roll angle of the loads of ``test`` and of the pads that a plan offers, and
-    the highest within the wall."""
+def harmonics_of_test(test: LoadTest) -> int:
+    """Return the highest harmonic in roll angle of the loads of ``test`` and of the pads that a plan offers."""
     loads = [known.load for case in test.cases for known in case.loads]
-    offered = pad_harmonics(LoadLimits().half_angle)
-    return max([offered, *map(harmonics_of, loads)]), max([1, *map(harmonics_within, loads)])
+    return max([pad_harmonics(LoadLimits().half_angle), *map(harmonics_of, loads)])
 
 
 def known_loads(case: PlannedCase, errors: LoadErrors) -> tuple[KnownLoad, ...]:

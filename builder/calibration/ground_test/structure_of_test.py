@@ -13,7 +13,6 @@ from builder.structure.as_built.as_built_structure import AsBuiltStructure, as_b
 from builder.structure.as_built.as_built_vehicle import AsBuilt
 from builder.structure.as_built.displaced_structure import AnyAsBuilt
 from builder.structure.as_built.wall_regions import wall_regions
-from builder.structure.as_built.wall_states import LOW
 from builder.structure.loads.fourier import MAX_HARMONIC
 from builder.structure.loads.loaded_structure import LoadProperties
 from builder.structure.wall import wall_of
@@ -30,11 +29,9 @@ def structure_of_test(
     vehicle: Vehicle,
     properties: LoadProperties | None = None,
     max_harmonic: int = MAX_HARMONIC,
-    harmonic_within: int = LOW - 1,
     progress: Progress | None = None,
 ) -> AsBuiltStructure:
-    """Solve the structure of the map of ``vehicle`` for its layout; harmonics and errors as
-    :func:`as_built_structure`."""
+    """Solve the structure of the map of ``vehicle`` for its layout; errors as :func:`as_built_structure`."""
     entry = vehicle.calibration
     more = entry.model_copy(
         update={
@@ -47,7 +44,6 @@ def structure_of_test(
         vehicle.gauges.layout,
         properties=properties,
         max_harmonic=max_harmonic,
-        harmonic_within=harmonic_within,
         progress=progress,
     )
 

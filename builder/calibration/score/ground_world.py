@@ -30,7 +30,6 @@ from builder.campaign.snapshots import Snapshots, load_snapshots, snapshots_on
 from builder.inverse.ensemble import Ensemble, ensemble_of
 from builder.structure.as_built.as_built_structure import AsBuiltStructure, as_built_structure, with_surface_of
 from builder.structure.as_built.as_built_vehicle import AsBuilt, StrainOfLoads, as_built_std, draw_as_built
-from builder.structure.as_built.response_tables import together
 from builder.structure.as_built.wall_regions import wall_regions
 from builder.structure.loads.applied import NO_VECTOR, UNIT_VECTORS, Load, PadForce
 from builder.structure.loads.loaded_structure import LoadProperties
@@ -214,9 +213,7 @@ class GroundWorld(Shared):
         if stated.force == NO_VECTOR or applied.force == NO_VECTOR:
             return np.zeros(structure.n_gauges)
         units = [replace(stated, force=unit) for unit in UNIT_VECTORS]
-        response = self.once(
-            replace(stated, force=NO_VECTOR), lambda: together([structure.response(unit) for unit in units])
-        )
+        response = self.once(replace(stated, force=NO_VECTOR), lambda: structure.responses(units))
         strain = np.asarray(applied.force) @ structure.response_strain(as_built, response)
         in_place = replace(stated, force=applied.force)
         if in_place == applied:

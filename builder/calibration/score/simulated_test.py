@@ -103,25 +103,28 @@ def simulate_ground_test(
     """
     gain, offset = random.standard_normal(2).tolist()
     cell = CellErrors(gain=errors.common * gain, offset=errors.cell_offset * offset)
-    strain, steps = [], []
-
-    def read(loads: Sequence[Load]) -> FloatArray:
-        reading = structure.reading(parameters, loads)
-        return np.asarray(reading + noise_std * random.standard_normal((WINDOW, len(reading))))
-
+    parts = [(part, False) for part in loading] + [(part, True) for part in reversed(loading)]
+    acting, noise, parts_of_case = list[list[Load]](), list[FloatArray](), []
     for case in cases:
         stated = known_loads(case, errors)
         loads = [as_applied(known, errors, cell, random) for known in stated]
-        strain.append(read(loads))
-        parts = [(part, False) for part in loading] + [(part, True) for part in reversed(loading)]
-        of_case = list[SimulatedStep]()
-        for part, unloading in parts if any(known.on_load_cell for known in stated) else ():
-            acting = [
-                scaled(load, part) if known.on_load_cell else load
-                for known, load in zip(stated, loads, strict=True)
-            ]
-            of_case.append(SimulatedStep(part=part, unloading=unloading, strain=read(acting)))
-        steps.append(tuple(of_case))
+        parts_of_case.append(parts if any(known.on_load_cell for known in stated) else [])
+        for part in (1.0, *(part for part, _ in parts_of_case[-1])):
+            of_part = zip(stated, loads, strict=True)
+            acting.append([scaled(load, part) if known.on_load_cell else load for known, load in of_part])
+            noise.append(noise_std * random.standard_normal((WINDOW, len(noise_std))))
+    structure.solve_for([load for loads in acting for load in loads])
+    readings = (
+        structure.reading(parameters, loads) + of_loads for loads, of_loads in zip(acting, noise, strict=True)
+    )
+    strain, steps = [], []
+    for of_case in parts_of_case:
+        strain.append(next(readings))
+        steps.append(
+            tuple(
+                SimulatedStep(part=part, unloading=unloading, strain=next(readings)) for part, unloading in of_case
+            )
+        )
     return GroundTest(
         gauge_names=structure.gauges.names,
         cases=tuple(cases),

@@ -44,10 +44,11 @@ from builder.structure.as_built.response_tables import (
 from builder.structure.as_built.wall_changes import WAVES, rolled_quarter, times_waves
 from builder.structure.as_built.wall_regions import WallRegions, counts_of, thickened, wall_regions
 from builder.structure.as_built.wall_states import (
-    LOW,
     ROUNDING,
     WALL_STEP,
     Adjoint,
+    ChangedStrain,
+    SplitForces,
     WallStates,
     changed_harmonic_of,
     wall_states,
@@ -144,12 +145,12 @@ class AsBuiltStructure(BuiltStructure):
     @property
     def has_moduli(self) -> bool:
         """Whether Young's modulus may differ between regions."""
-        return len(self.states.soft) > 2 + self.counts.joint
+        return self.states.changes.with_moduli
 
     @property
     def solved_keys(self) -> list[Key]:
         """Keys of all that may differ on this structure."""
-        known = {"wall_thickness", "wall_taper"} if not len(self.states.wall) else set[str]()
+        known = {"wall_thickness", "wall_taper"} if not self.states.changes.with_regions else set[str]()
         known |= set() if self.has_moduli else {"region_modulus"}
         return [key for key in derivative_keys(self.counts) if key[0] not in known]
 
@@ -205,13 +206,25 @@ class AsBuiltStructure(BuiltStructure):
         """Return what ``load`` strains, kept for the next time; errors as :meth:`load_strain`."""
         if isinstance(load, ApparentStrain):
             return self._apparent(load)
-        if load not in self._responses:
-            self._responses[load] = self._solved_response(load)
+        self.solve_for([load])
         return self._responses[load]
 
     def responses(self, loads: Sequence[Load]) -> LoadResponse:
         """Return the responses of loads as one, with the readings (n_loads, n_d) of every load."""
+        self.solve_for(loads)
         return together([self.response(load) for load in loads])
+
+    def solve_for(self, loads: Sequence[Load]) -> None:
+        """Find the responses of ``loads`` together: the first of them costs as much as a hundred more."""
+        new = [load for load in loads if load not in self._responses and not isinstance(load, ApparentStrain)]
+        units = {load: _along_axes(load) for load in new if isinstance(load, Weight)}
+        unsolved: list[Load] = [load for load in new if load not in units]
+        unsolved += [unit for parts in units.values() for unit in parts if unit not in self._responses]
+        if unsolved := list(dict.fromkeys(unsolved)):
+            self._responses.update(zip(unsolved, self._solved_responses(unsolved), strict=True))
+        for load, parts in units.items():
+            of_units = [self._responses[unit] for unit in parts]
+            self._responses[load] = combined(of_units, np.array(list(parts.values())))
 
     def response_strain(self, parameters: AsBuilt, response: LoadResponse) -> FloatArray:
         """Return the readings (n_d,) [m/m] under the load of ``response``, (n_loads, n_d) under several."""
@@ -276,51 +289,65 @@ class AsBuiltStructure(BuiltStructure):
         table = nominal_table(np.zeros((2, 1, len(self.states.nominal.outer[0]), 3)), self.n_regions)
         return LoadResponse(table=table, constant=np.asarray(load.strain, dtype=float))
 
-    def _of_weight(self, load: Weight) -> LoadResponse:
-        """Return the response to own weight, by the accelerations along body axes that attitudes share."""
-        along = load.acceleration
-        axes = np.flatnonzero(np.abs(along) >= ROUNDING * abs(load.gravity))
-        units = [self.response(Acceleration(linear=UNIT_VECTORS[axis])) for axis in axes]
-        return combined(units, -along[axes])
+    def _solved_responses(self, loads: Sequence[Load]) -> list[LoadResponse]:
+        states, acting = self.states, [self._acting(load) for load in loads]
+        forces = [force for forces_of_load in acting for force in forces_of_load]
+        changed = states.changes.strain(
+            lambda n: states.rows.of_harmonic(forces, n), 2 * len(forces), states.changes.n_m
+        )
+        responses, end = [], 0
+        for load, forces_of_load in zip(loads, acting, strict=True):
+            start, end = end, end + 2 * len(forces_of_load)
+            responses.append(self._response_of(load, forces_of_load, changed.of_families(slice(start, end))))
+        return responses
 
-    def _solved_response(self, load: Load) -> LoadResponse:
-        if isinstance(load, Weight):
-            return self._of_weight(load)
+    def _acting(self, load: Load) -> list[SplitForces]:
+        """Return the nodal forces of ``load``; and where they change with the wall, what they change per thickness
+        and taper of each region, and per their squares."""
+        split, changes = self.states.rows.split, self.states.changes
+        even, thin, thick = self.states.forces
+        force = nodal_force(even, load)
+        if not _changes_with_wall(load) or not changes.with_regions:
+            return [split(force)]
+        lighter, heavier = ([nodal_force(structure, load) for structure in part] for part in (thin, thick))
+        pairs = list(zip(lighter, heavier, strict=True))
+        first = [split((b - a) / (2.0 * WALL_STEP)) for a, b in pairs]
+        second = [split((b - 2.0 * force + a) / (2.0 * WALL_STEP**2)) for a, b in pairs]
+        return [split(force), *first, *second]
+
+    def _response_of(self, load: Load, forces: Sequence[SplitForces], changed: ChangedStrain) -> LoadResponse:
+        """Return the response to a load of which :meth:`_acting` gives ``forces``; ``changed`` is their strain on
+        walls that differ."""
         states, split = self.states, self.states.rows.split
         even, thin, thick = states.forces
-        force = nodal_force(even, load)
-        total = split(force)
-        within = isinstance(load, WITHIN_THE_WALL) or (isinstance(load, SurfacePressure) and load.surface == INNER)
-        lighter, heavier = (
-            [nodal_force(structure, load) for structure in part] if within else [] for part in (thin, thick)
-        )
-        amplitude, uneven_load, region_mass = states.nominal.strain(total), None, None
-        of_wall, of_square = (
-            np.array([adjoint.strain(total) for adjoint in part]) for part in (states.wall, states.wall_twice)
-        )
-        if within:
-            if len(of_wall):
-                of_wall, of_square = self._of_moving_load(amplitude, lighter, heavier)
-            pairs = zip(lighter[: self.n_regions], heavier, strict=False)
-            waved = [times_waves((b - a) / (2.0 * WALL_STEP)) for a, b in pairs]  # region, wave, cosine or sine
+        total, uneven_load, region_mass = forces[0], None, None
+        wall, wall_twice = changed.wall[:, 0], changed.wall_twice[:, 0]
+        if len(forces) > 1:
+            wall, wall_twice = self._of_moving_load(forces[1:], changed)
+        if _changes_with_wall(load):
+            n_r = self.n_regions
+            pairs = zip(thin[:n_r], thick[:n_r], strict=True)
+            by_thickness = [(nodal_force(b, load) - nodal_force(a, load)) / (2.0 * WALL_STEP) for a, b in pairs]
+            waved = map(times_waves, by_thickness)  # region, wave, cosine or sine
             strain = [[[states.nominal.strain(split(f)) for f in parts] for parts in region] for region in waved]
             uneven_load = np.moveaxis(np.array(strain), 0, 2)
         if isinstance(load, OF_MASS):
+            force = nodal_force(even, load)
             share = self.regions.mass_share(even.mesh.node[:, 0]).T[:, :, None]
             region_mass = np.array(
                 [states.nominal.strain(split(part_of_region * force)) for part_of_region in share]
             )
+        # Strain is linear in both families of the load's harmonics, so that it rolls as the load does.
+        uneven = [
+            np.stack([part, np.moveaxis(rolled_quarter(np.moveaxis(part, (2, 3), (0, 1)), wave), (0, 1), (2, 3))])
+            for wave, part in zip(WAVES, changed.uneven[:, :, :, 0], strict=True)
+        ]
         table = _table(
-            amplitude,
+            states.nominal.strain(total),
             (states.fore.strain(total), states.aft.strain(total)),
-            (of_wall, of_square),
-            np.array(
-                [
-                    [adjoint.strain(part) for part in (total, split(rolled_quarter(force, wave)))]
-                    for wave, adjoint in zip(WAVES, states.uneven, strict=True)
-                ]
-            ),
-            np.array([adjoint.strain(total) for adjoint in states.soft]),
+            (wall, wall_twice),
+            np.stack(uneven),
+            changed.soft[:, 0],
             states.station[self.at_break],
         )
         constant = np.zeros(self.n_gauges)
@@ -336,23 +363,23 @@ class AsBuiltStructure(BuiltStructure):
         )
 
     def _of_moving_load(
-        self, even: FloatArray, lighter: Sequence[FloatArray], heavier: Sequence[FloatArray]
+        self, changes: Sequence[SplitForces], changed: ChangedStrain
     ) -> tuple[FloatArray, FloatArray]:
         """Return what a load that changes with the wall strains per thickness and taper of each region, and per
-        their squares; ``even`` (2, n_m, n_s, 3) is by the wall as expected, nodal forces by thinner and thicker
-        ones."""
-        states, split = self.states, self.states.rows.split
-        by_wall, by_square = [], []
-        for first, second, *forces in zip(states.wall, states.wall_twice, lighter, heavier, strict=False):
-            thin, thick = (
-                states.nominal.strain(force)[:, : first.outer.shape[-4]]
-                + size * (first.strain(force) + size * second.strain(force))
-                for size, force in zip((-WALL_STEP, WALL_STEP), map(split, forces), strict=True)
-            )
-            even_part = even[:, : thin.shape[1]]
-            by_wall.append((thick - thin) / (2.0 * WALL_STEP))
-            by_square.append((thick - 2.0 * even_part + thin) / (2.0 * WALL_STEP**2))
-        return np.array(by_wall), np.array(by_square)
+        their squares: by thin and thick walls a step to both sides.
+
+        ``changes`` are the load's own per thickness and taper, then per their squares.
+        """
+        n_t, n_m, square = len(changed.wall), changed.wall.shape[-3], WALL_STEP**2
+        k = np.arange(n_t)
+        by_first, by_second = np.split(
+            np.array([self.states.nominal.strain(force)[:, :n_m] for force in changes]), 2
+        )
+        (wall, wall_of_first, wall_of_second), (twice, twice_of_first, twice_of_second) = (
+            (part[:, 0], part[k, 1 + k], part[k, 1 + n_t + k]) for part in (changed.wall, changed.wall_twice)
+        )
+        by_wall = by_first + wall + square * (wall_of_second + twice_of_first)
+        return by_wall, by_second + wall_of_first + twice + square * twice_of_second
 
     def _thickness_that_changes(self, parameters: AsBuilt, keys: Sequence[Key]) -> FloatArray:
         """Return :meth:`_thickness`; refuse keys of what this structure was not solved for."""
@@ -367,11 +394,22 @@ class AsBuiltStructure(BuiltStructure):
             np.concatenate([parameters_of.wall_thickness, parameters_of.wall_taper])
             for parameters_of in (parameters, self.solved)
         )
-        if not len(self.states.wall) and np.abs(wanted - known).max() > 1e-12:
+        if not self.states.changes.with_regions and np.abs(wanted - known).max() > 1e-12:
             raise InputError("this structure was solved for one wall; its thickness cannot change")
         if not self.has_moduli and parameters.region_modulus.any():
             raise InputError("this structure was solved for one modulus; calibration.region_modulus_percent is 0")
         return np.asarray(wanted - known)
+
+
+def _along_axes(load: Weight) -> dict[Load, float]:
+    """Return own weight as accelerations along body axes, which attitudes share, each with its size."""
+    along = load.acceleration
+    axes = np.flatnonzero(np.abs(along) >= ROUNDING * abs(load.gravity))
+    return {Acceleration(linear=UNIT_VECTORS[axis]): -float(along[axis]) for axis in axes}
+
+
+def _changes_with_wall(load: Load) -> bool:
+    return isinstance(load, WITHIN_THE_WALL) or (isinstance(load, SurfacePressure) and load.surface == INNER)
 
 
 def refuse_unheld(vehicle: Vehicle, layout: str) -> None:
@@ -391,7 +429,6 @@ def as_built_structure(
     progress: Progress | None = None,
     known_taper: FloatArray | None = None,
     surface: SurfaceGrid | None = None,
-    harmonic_within: int = LOW - 1,
 ) -> AsBuiltStructure:
     """Solve the structure of a vehicle for all errors of a vehicle as built.
 
@@ -408,7 +445,6 @@ def as_built_structure(
     known_taper : (n_r,) relative thickness by which regions of known thickness grow from their middle to their
         aft end; none by default.
     surface : pressure nodes; by default the resolution's.
-    harmonic_within : the highest of known loads within the wall and on its inner surface.
 
     Raises
     ------
@@ -442,13 +478,11 @@ def as_built_structure(
             properties=properties or load_properties(vehicle.material, vehicle.temperature, wall),
             max_harmonic=max(max_harmonic, mapped.harmonics),
             changed_harmonic=changed_harmonic_of(max_harmonic, mapped.harmonics),
-            changed_within=harmonic_within,
             with_regions=known_thickness is None,
             joints=joints,
             with_moduli=any(
                 section.region_modulus_percent > 0.0 for section in (supported.calibration, supported.noise)
             ),
-            progress=progress,
         )
         changes = np.array(list(change_stations(body, wall)))
         near = np.abs(placed.x[:, None] - changes).min(axis=1) <= 1e-3 * mapped.element_length_mm + TOUCHES
@@ -461,7 +495,7 @@ def as_built_structure(
             ),
             solved=errors,
             states=states,
-            pressure=_pressure_table(states, grid, mapped.harmonics + 1, near),
+            pressure=_pressure_table(states, grid, mapped.harmonics + 1, near, progress),
             at_break=near,
             joint_stations=joints,
             _mesh_error=partial(_mesh_error, supported, grid, mapped, layout),
@@ -512,8 +546,6 @@ def _table(
     n_m = nominal.shape[-3]
 
     def of_all(change: FloatArray) -> FloatArray:
-        if not len(change):
-            return change
         return np.pad(change, [(0, 0)] * (change.ndim - 3) + [(0, n_m - change.shape[-3]), (0, 0), (0, 0)])
 
     return ResponseTable(
@@ -527,27 +559,26 @@ def _table(
     )
 
 
-def _pressure_table(states: WallStates, grid: SurfaceGrid, n_m: int, at_break: BoolArray) -> ResponseTable:
+def _pressure_table(
+    states: WallStates, grid: SurfaceGrid, n_m: int, at_break: BoolArray, progress: Progress | None = None
+) -> ResponseTable:
     """Return the table per pressure at the stations of ``grid``, by the nodal forces on the outer surface [m2]."""
     mesh = states.forces[0].mesh
-    load = pressure_load(mesh, grid.x).toarray().reshape(len(mesh.node), 3, -1)[states.rows.outer]
-    load = load.reshape(-1, load.shape[-1])
+    force = pressure_load(mesh, grid.x).toarray()
+    load = force.reshape(len(mesh.node), 3, -1)[states.rows.outer].reshape(-1, force.shape[1])
 
     def amplitudes(state: Adjoint) -> FloatArray:
-        outer = state.outer[..., :n_m, :, :, :]
+        outer = state.outer[:n_m]
         # One product of two matrices takes a fifth of the time of many of three rows.
         strain = outer.reshape(-1, len(load)) @ load
-        return np.moveaxis(strain.reshape(*outer.shape[:-1], -1), -1, -4)
+        return np.moveaxis(strain.reshape(*outer.shape[:-1], -1), -1, 0)
 
-    uneven = np.stack([amplitudes(state) for state in states.uneven])
+    changed = states.changes.strain(lambda n: force, force.shape[1], n_m, progress)
     return _table(
         amplitudes(states.nominal),
         (amplitudes(states.fore), amplitudes(states.aft)),
-        (
-            np.array([amplitudes(state) for state in states.wall]),
-            np.array([amplitudes(state) for state in states.wall_twice]),
-        ),
-        np.broadcast_to(uneven[:, None], (uneven.shape[0], 2, *uneven.shape[1:])),
-        np.array([amplitudes(state) for state in states.soft]),
+        (changed.wall, changed.wall_twice),
+        np.repeat(changed.uneven[:, None], 2, axis=1),
+        changed.soft,
         states.station[at_break],
     )

@@ -325,6 +325,9 @@ class BuiltStructure:
         """Return the parameters of the vehicle of the file: zeros."""
         return exactly_built(self.counts)
 
+    def solve_for(self, loads: Sequence[Load]) -> None:
+        """Find the responses of ``loads`` together, where that is cheaper than one after the other."""
+
     def load_strain(self, parameters: AsBuilt, loads: Sequence[Load]) -> FloatArray:
         """Return what every gauge reads under loads that act together, without zeros, (n_d,) [m/m]."""
         total = np.zeros(self.n_gauges)

@@ -1,9 +1,12 @@
-"""Strain per nodal force of walls that differ from the expected one: thicker, tapered, uneven round the body.
+"""Strain under loads of walls that differ from the expected one: thicker, tapered, uneven round the body.
 
 The factors of the wall as expected serve all of them. With strain rows b, stiffness K and a thickness or taper s,
 the adjoint a(s) = b K^-1 follows to second order from
 
     a_0 = b_0 K_0^-1,  a_1 = (b_1 - a_0 K_1) K_0^-1,  a_2 = (b_2 - a_1 K_1 - a_0 K_2) K_0^-1.
+
+What stands in brackets is zero but at the nodes of the elements that change. So a load f, which moves the expected
+wall by u = K_0^-1 f, is solved for once, and each change costs the product of these few columns with u.
 
 In free flight rigid motions are taken out of every adjoint, with the inertia of the wall as expected: walls that
 differ strain a rigid motion no more than that one.
@@ -18,10 +21,9 @@ radius of what is kept. The strain b on the inner surface moves with it, and so 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csc_array, csr_array
 
 from builder.structure.fourier.fourier_elasticity import (
@@ -37,11 +39,11 @@ from builder.structure.fourier.fourier_elasticity import (
     stress_times_weight,
 )
 from builder.structure.fourier.free_flight import FlyingSolver
-from builder.structure.fourier.inner_surface import inner_surface_points
+from builder.structure.fourier.inner_surface import SurfacePoints, inner_surface_points
 from builder.structure.fourier.meridian_mesh import MeridianMesh, line_edges, line_nodes
-from builder.structure.fourier.strain_operator import strain_rows, strain_rows_at
+from builder.structure.fourier.strain_operator import strain_of_nodes, strain_rows
 from builder.structure.wall import Material
-from strainfmu.arrays import FloatArray, IntArray
+from strainfmu.arrays import BoolArray, FloatArray, IntArray
 
 WAVES = (1, 2)
 """Harmonics w of the wall that are known."""
@@ -50,41 +52,56 @@ SIDES = (-1, 1, 0)
 """Difference of the harmonics of strain and load, over the wall's harmonic; 0 where the surface itself moves."""
 
 
-@dataclass(frozen=True, eq=False)
-class HarmonicProduct:
-    """Stiffness between displacements of harmonic n (rows) and m: cc + m cl + n cl' + n m ll.
+class ChangedNodes:
+    """The nodes that a change of the wall reaches: of elements that move, and those that give strain beside them.
 
     Attributes
     ----------
-    indices, indptr : pattern of the compressed rows.
-    term : (4, n_nonzero) entries of cc, cl, cl' and ll, sums of B' C B over the constant part of B and the one
-        that goes with the harmonic [N/m per radian].
+    node : (n,) their numbers.
+    dof : (3 n,) numbers of their components.
     """
 
-    indices: NDArray[np.intp]
-    indptr: NDArray[np.intp]
-    term: FloatArray
+    def __init__(self, n_nodes: int, moved: IntArray, points: Sequence[SurfacePoints] = ()) -> None:
+        """``moved`` are nodes of elements that change, ``points`` the gauges' stations on each of the walls."""
+        reached = np.zeros(n_nodes, dtype=bool)
+        reached[moved] = True
+        near: list[BoolArray] = [np.asarray(reached[point.node].any(axis=1)) for point in points]
+        for point, of_point in zip(points, near, strict=True):
+            reached[point.node[of_point]] = True
+        self.node = np.flatnonzero(reached)
+        self.dof = (3 * self.node[:, None] + np.arange(3)).ravel()
+        self._number = np.full(n_nodes, len(self.node))
+        self._number[self.node] = np.arange(len(self.node))
+        self._near = near
 
-    def times(self, n: int, m: int, motion: FloatArray) -> FloatArray:
-        """Return (n_dof, k) forces in harmonic ``n`` of motions (n_dof, k) in harmonic ``m``."""
-        n_dof = len(self.indptr) - 1
-        data = np.array([1.0, m, n, n * m]) @ self.term
-        return np.asarray(csr_array((data, self.indices, self.indptr), shape=(n_dof, n_dof)) @ motion)
+    def strain_rows(self, points: Sequence[SurfacePoints], harmonic: int) -> list[FloatArray]:
+        """Return the strain rows (n_s, 3, 3 n) of each of the ``points`` that this was made with; zero where the
+        change does not reach them."""
+        rows = []
+        for point, near in zip(points, self._near, strict=True):
+            of_point = np.zeros((len(near), len(self.node) + 1, 3, 3))
+            place = self._number[point.node[near]]
+            of_point[np.flatnonzero(near)[:, None], place] = strain_of_nodes(point, harmonic)[near]
+            rows.append(of_point[:, :-1].transpose(0, 2, 1, 3).reshape(len(near), 3, -1))
+        return rows
 
-    def less(self, subtracted: HarmonicProduct, step: float) -> HarmonicProduct:
-        """Return the difference to ``subtracted``, of the same pattern, over ``step``; without entries of zero."""
-        term = (self.term - subtracted.term) / step
-        nonzero = term.any(axis=0)
-        return HarmonicProduct(
-            self.indices[nonzero], np.concatenate([[0], np.cumsum(nonzero)])[self.indptr], term[:, nonzero]
-        )
+    def among(self, pattern: FourierStiffness, term: FloatArray) -> FourierStiffness:
+        """Return the stiffness of ``term`` (n_terms, n_nonzero) in ``pattern`` between these nodes alone."""
+        nonzero, n_dof = term.any(axis=0), len(pattern.indptr) - 1
+        number = np.zeros(n_dof, dtype=np.int64)
+        number[self.dof] = np.arange(len(self.dof))
+        column = number[np.repeat(np.arange(n_dof), np.diff(pattern.indptr))[nonzero]]
+        indptr = np.concatenate([[0], np.cumsum(np.bincount(column, minlength=len(self.dof)))])
+        return FourierStiffness(number[pattern.indices[nonzero]], indptr, term[:, nonzero])
 
 
 def harmonic_product(
     mesh: MeridianMesh, material: Material, like: FourierStiffness, elements: IntArray
-) -> HarmonicProduct:
-    """Return the stiffness of some ``elements`` (n,) of a wall between displacements of any two harmonics.
+) -> FloatArray:
+    """Return the stiffness (4, n_nonzero) of some ``elements`` (n,) between displacements of any two harmonics.
 
+    They are the entries of cc, cl, cl' and ll, sums of B' C B over the constant part of B and the one that goes
+    with the harmonic [N/m per radian]: between harmonics n (rows) and m, cc + m cl + n cl' + n m ll.
     ``like`` is the stiffness of a mesh of the same elements.
     """
     some = some_elements(mesh, elements)
@@ -98,8 +115,7 @@ def harmonic_product(
     blocks = constant @ of_constant, mixed, mixed.transpose(0, 2, 1), linear @ of_linear
     # The pattern is symmetric; its places are by columns.
     by_column = [block.transpose(0, 2, 1) for block in blocks]
-    term = assembled(by_column, like.places_of(elements), len(like.indices))
-    return HarmonicProduct(like.indices, like.indptr, term)
+    return assembled(by_column, like.places_of(elements), len(like.indices))
 
 
 def neighbour_weight(n: int) -> float:
@@ -171,45 +187,45 @@ class ExpectedWall:
 
     Attributes
     ----------
-    x : (n_s,) stations of the gauges [m].
+    x : (n_s,) stations [m].
     n_m : number of harmonics.
     """
 
-    def __init__(
-        self, mesh: MeridianMesh, material: Material, stations: FloatArray, gauges: IntArray, n_m: int
-    ) -> None:
-        """``gauges`` (n_s,) are the gauges' among all ``stations`` (n_all,) [m]."""
-        self.mesh, self.x, self.n_m = mesh, stations[gauges], n_m
-        self.stiffness = assemble_stiffness(mesh, material)
-        self._stations, self._gauges = stations, gauges
+    def __init__(self, mesh: MeridianMesh, material: Material, x: FloatArray, n_m: int) -> None:
+        self.mesh, self.material, self.x, self.n_m = mesh, material, x, n_m
         self._solvers: dict[int, Solver] = {}
         self._adjoints: dict[int, FloatArray] = {}
-        self._of_gauges: dict[int, FloatArray] = {}
 
-    def at_harmonic(self, n: int) -> tuple[Solver, FloatArray]:
-        """Return the factors of harmonic ``n`` and its adjoint (n_all, 3, n_dof), strain per nodal force at all
-        stations [1/N].
+    @cached_property
+    def stiffness(self) -> FourierStiffness:
+        return assemble_stiffness(self.mesh, self.material)
 
-        Harmonics follow one another. Adjoints of those that an uneven wall couples with ``n`` are solved then, and
-        what is behind them is forgotten.
-        """
-        for m in range(n, min(n + max(WAVES) + 1, self.n_m)):
-            if m not in self._solvers:
-                self._solvers[m] = (
-                    FlyingSolver(self.mesh, self.stiffness, m)
-                    if self.mesh.masses is not None and m < 2
-                    else factor_harmonic(self.mesh, self.stiffness, m, twist=True)
-                )
-                self._adjoints[m] = solved(self._solvers[m], strain_rows(self.mesh, self._stations, m))
-                self._of_gauges[m] = self._adjoints[m][self._gauges]
-        self._solvers.pop(n - 1, None)
-        for store in (self._adjoints, self._of_gauges):
-            store.pop(n - max(WAVES) - 1, None)
-        return self._solvers[n], self._adjoints[n]
+    def at_harmonic(self, n: int) -> Solver:
+        """Return the factors of harmonic ``n``. Harmonics follow one another: what is so far behind that an uneven
+        wall does not couple it with ``n`` is forgotten."""
+        self.forget(n - max(WAVES))
+        return self._solver(n)
 
-    def at_gauges(self, m: int) -> FloatArray:
-        """Return the adjoint (n_s, 3, n_dof) of harmonic ``m`` at the gauges; -m is m reflected."""
-        adjoint = self._of_gauges[abs(m)]
+    def forget(self, n: int) -> None:
+        """Forget the harmonics below ``n``."""
+        self._solvers = {m: solver for m, solver in self._solvers.items() if m >= n}
+        self._adjoints = {m: adjoint for m, adjoint in self._adjoints.items() if m >= n}
+
+    def _solver(self, m: int) -> Solver:
+        if m not in self._solvers:
+            self._solvers[m] = (
+                FlyingSolver(self.mesh, self.stiffness, m)
+                if self.mesh.masses is not None and m < 2
+                else factor_harmonic(self.mesh, self.stiffness, m, twist=True)
+            )
+        return self._solvers[m]
+
+    def adjoint(self, m: int) -> FloatArray:
+        """Return the adjoint (n_s, 3, n_dof) of harmonic ``m``, strain per nodal force at the stations [1/N]; -m
+        is m reflected."""
+        if abs(m) not in self._adjoints:
+            self._adjoints[abs(m)] = solved(self._solver(abs(m)), strain_rows(self.mesh, self.x, abs(m)))
+        adjoint = self._adjoints[abs(m)]
         return adjoint if m >= 0 else reflected(adjoint)
 
 
@@ -218,30 +234,46 @@ def solved(solver: Solver, rows: FloatArray) -> FloatArray:
     return solver.solve(rows.reshape(-1, rows.shape[-1]).T).T.reshape(rows.shape)
 
 
+def moved_by(solver: Solver, force: FloatArray) -> FloatArray:
+    """Return what nodal forces (n_dof, k) move the wall, (n_dof, k): balanced by inertia in free flight."""
+    return solver.moved_by(force) if isinstance(solver, FlyingSolver) else solver.solve(force)
+
+
 class ThickerWall:
     """A wall whose thickness changes in one way, by its first two derivatives.
 
     ``minus`` and ``plus`` are meshes of the wall ``expected`` changed by a small ``step`` to both sides.
+
+    Attributes
+    ----------
+    dof : (n,) components of nodes that the change reaches.
     """
 
-    def __init__(
-        self, minus: MeridianMesh, plus: MeridianMesh, step: float, expected: ExpectedWall, material: Material
-    ) -> None:
-        self._expected, self._step, self._n_nodes = expected, step, len(plus.node)
+    def __init__(self, minus: MeridianMesh, plus: MeridianMesh, step: float, expected: ExpectedWall) -> None:
+        self._expected, self._step = expected, step
+        self._rows = dict[int, tuple[FloatArray, FloatArray]]()
         walls, even, moved = (minus, plus, expected.mesh), expected.stiffness, moved_elements(minus, plus)
         self._points = [inner_surface_points(wall, expected.x) for wall in walls]
-        terms = self._by_order(*(stiffness_of_elements(wall, material, even, moved) for wall in walls))
-        self._stiffness = [_without_zeros(even, term) for term in terms]
+        self._nodes = ChangedNodes(len(plus.node), plus.element[moved], self._points)
+        self.dof = self._nodes.dof
+        terms = self._by_order(*(stiffness_of_elements(wall, expected.material, even, moved) for wall in walls))
+        self._stiffness = [self._nodes.among(even, term) for term in terms]
 
-    def adjoints(self, solver: Solver, n: int) -> tuple[FloatArray, FloatArray]:
-        """Return the adjoint of harmonic ``n`` per change and per its square, (n_s, 3, n_dof) each."""
-        zeroth = self._expected.at_gauges(n)
-        minus, plus, even = (strain_rows_at(points, self._n_nodes, n) for points in self._points)
-        b_1, b_2 = self._by_order(minus, plus, even)
+    def rows(self, n: int) -> tuple[FloatArray, FloatArray]:
+        """Return the rows (n_s, 3, n) of :attr:`dof` whose product with a load's motion in harmonic ``n`` is
+        strain per change, and per its square; kept for the next time."""
+        if n not in self._rows:
+            self._rows[n] = self._rows_of(n)
+        return self._rows[n]
+
+    def _rows_of(self, n: int) -> tuple[FloatArray, FloatArray]:
+        solver, zeroth = self._expected.at_harmonic(n), self._expected.adjoint(n)
+        b_1, b_2 = self._by_order(*self._nodes.strain_rows(self._points, n))
         k_1, k_2 = (term.matrix(n) for term in self._stiffness)
-        first = solved(solver, b_1 - _times(zeroth, k_1))
-        second = solved(solver, b_2 - _times(first, k_1) - _times(zeroth, k_2))
-        return first, second
+        first, whole = b_1 - _times(zeroth[..., self.dof], k_1), np.zeros(zeroth.shape)
+        whole[..., self.dof] = first
+        first_adjoint = solved(solver, whole)[..., self.dof]
+        return first, b_2 - _times(first_adjoint, k_1) - _times(zeroth[..., self.dof], k_2)
 
     def _by_order(self, minus: FloatArray, plus: FloatArray, even: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the first two coefficients of Taylor's series by central differences."""
@@ -252,13 +284,6 @@ def moved_elements(first: MeridianMesh, second: MeridianMesh) -> IntArray:
     """Return the elements (n,) of which two meshes have a node at different places."""
     moved = (first.node != second.node).any(axis=1)
     return np.flatnonzero(moved[first.element].any(axis=1))
-
-
-def _without_zeros(pattern: FourierStiffness, term: FloatArray) -> FourierStiffness:
-    """Return the stiffness of ``term`` in ``pattern``; most of it is zero, where the wall stays as it is."""
-    nonzero = term.any(axis=0)
-    indptr = np.concatenate([[0], np.cumsum(nonzero)])[pattern.indptr]
-    return FourierStiffness(pattern.indices[nonzero], indptr, term[:, nonzero])
 
 
 def _times(rows: FloatArray, matrix: csc_array) -> FloatArray:
@@ -313,66 +338,57 @@ class ElasticClamp:
 
 
 class StifferRegion:
-    """A wall whose modulus is larger by ``size`` where ``weight`` (n_e,) of its elements is 1: to first order."""
+    """A wall whose modulus is larger by ``size`` where ``weight`` (n_e,) of its elements is 1: to first order.
 
-    def __init__(
-        self,
-        mesh: MeridianMesh,
-        material: Material,
-        weight: FloatArray,
-        even: FourierStiffness,
-        size: float = 1.0,
-    ) -> None:
-        changed = np.flatnonzero(weight)
-        term = stiffness_of_elements(mesh, material, even, changed, size * weight[changed])
-        self._stiffness = _without_zeros(even, term)
+    ``dof`` (n,) are the components of nodes that the change reaches.
+    """
 
-    def adjoint(self, zeroth: FloatArray, solver: Solver, n: int) -> FloatArray:
-        """Return the derivative (n_s, 3, n_dof) of the adjoint ``zeroth`` by the change."""
-        return solved(solver, -_times(zeroth, self._stiffness.matrix(n)))
+    def __init__(self, expected: ExpectedWall, weight: FloatArray, size: float = 1.0) -> None:
+        mesh, even, changed = expected.mesh, expected.stiffness, np.flatnonzero(weight)
+        term = stiffness_of_elements(mesh, expected.material, even, changed, size * weight[changed])
+        nodes = ChangedNodes(len(mesh.node), mesh.element[changed])
+        self._expected, self.dof, self._stiffness = expected, nodes.dof, nodes.among(even, term)
+
+    def rows(self, n: int) -> FloatArray:
+        """Return the rows (n_s, 3, n) of :attr:`dof` whose product with a load's motion is strain per change."""
+        return -_times(self._expected.adjoint(n)[..., self.dof], self._stiffness.matrix(n))
 
 
 class UnevenChange:
     """Walls of a region whose thickness goes as cos(w phi), by their derivative.
 
-    ``plus`` and ``minus`` are meshes of an even wall thicker and thinner by ``step`` in that region, ``x`` (n_s,)
-    the stations of the gauges [m].
+    ``plus`` and ``minus`` are meshes of an even wall thicker and thinner by ``step`` in that region.
+
+    Attributes
+    ----------
+    dof : (n,) components of nodes that the change reaches.
     """
 
-    def __init__(
-        self, plus: MeridianMesh, minus: MeridianMesh, step: float, x: FloatArray, product: HarmonicProduct
-    ) -> None:
-        self._points, self._n_nodes = [inner_surface_points(mesh, x) for mesh in (plus, minus)], len(plus.node)
-        self._step, self._product = step, product
+    def __init__(self, plus: MeridianMesh, minus: MeridianMesh, step: float, expected: ExpectedWall) -> None:
+        walls, even, moved = (plus, minus), expected.stiffness, moved_elements(plus, minus)
+        self._expected, self._step = expected, step
+        self._points = [inner_surface_points(mesh, expected.x) for mesh in walls]
+        self._nodes = ChangedNodes(len(plus.node), plus.element[moved], self._points)
+        self.dof = self._nodes.dof
+        of_plus, of_minus = (harmonic_product(wall, expected.material, even, moved) for wall in walls)
+        self._product = self._nodes.among(even, (of_plus - of_minus) / (2.0 * step))
 
-    def rows(self, n: int) -> FloatArray:
-        """Return the derivative (n_s, 3, n_dof) of the strain rows: the surface itself moves."""
-        plus, minus = (strain_rows_at(points, self._n_nodes, n) for points in self._points)
-        return (plus - minus) / (2.0 * self._step)
+    def rows(self, n: int) -> Iterator[tuple[int, int, FloatArray]]:
+        """Yield rows (n_s, 3, n) of :attr:`dof` whose product with the motion of a load of harmonic ``n`` is
+        strain per amplitude of cos(w phi), each with the numbers of w and of its side; those that are not zero."""
+        plus, minus = self._nodes.strain_rows(self._points, n)
+        moves = (plus - minus) / (2.0 * self._step)  # the surface itself
+        for place, wave in enumerate(WAVES):
+            yield place, SIDES.index(0), moves
+            for side in (-1, 1):
+                m = n + wave * side
+                if (m >= 0 or n > 0) and abs(m) < self._expected.n_m:
+                    adjoint = self._expected.adjoint(m)[..., self.dof].reshape(-1, len(self.dof))
+                    force = (self._between(n, m) @ adjoint.T).T.reshape(*moves.shape)
+                    yield place, SIDES.index(side), -neighbour_weight(n) * force
 
-    def forces(self, adjoint: FloatArray, n: int, m: int) -> FloatArray:
-        """Return (n_s, 3, n_dof): what of the ``adjoint`` of harmonic ``m`` the uneven wall turns into ``n``."""
-        force = self._product.times(n, m, adjoint.reshape(-1, adjoint.shape[-1]).T).T
-        return np.asarray(-neighbour_weight(n) * force.reshape(adjoint.shape))
-
-
-def uneven_adjoints(
-    changes: Sequence[UnevenChange], expected: ExpectedWall, solver: Solver, n: int
-) -> Iterator[tuple[tuple[int, int, int], FloatArray]]:
-    """Yield changes of the adjoint (n_s, 3, n_dof) by the amplitude of cos(w phi), those that are not zero.
-
-    Each is with the numbers of its harmonic w, its region and its side. The load's harmonic is ``n``.
-    """
-    n_m, of_surface = expected.n_m, SIDES.index(0)
-    sides = [(wave, side) for wave in WAVES for side in (-1, 1)]
-    reached = [(w, side) for w, side in sides if (n + w * side >= 0 or n > 0) and abs(n + w * side) < n_m]
-    for region, change in enumerate(changes):
-        rows = change.rows(n)
-        moved = rows.any(axis=-1)  # the surface moves at the stations of a region alone
-        rows[moved] = solved(solver, rows[moved])
-        for wave in range(len(WAVES)):
-            yield (wave, region, of_surface), rows
-        harmonics = [n + wave * side for wave, side in reached]
-        forces = np.array([change.forces(expected.at_gauges(m), n, m) for m in harmonics])
-        for (wave, side), adjoint in zip(reached, solved(solver, forces), strict=True):
-            yield (WAVES.index(wave), region, SIDES.index(side)), adjoint
+    def _between(self, n: int, m: int) -> csr_array:
+        """Return the forces in harmonic ``n`` per motion in harmonic ``m``; the product's places are by rows."""
+        product, size = self._product, len(self.dof)
+        data = np.array([1.0, m, n, n * m]) @ product.term
+        return csr_array((data, product.indices, product.indptr), shape=(size, size))

@@ -1,19 +1,21 @@
-"""Strain at the gauges per nodal force: of the wall as expected, of thinner and thicker regions, of uneven ones.
+"""Strain at the gauges under loads: of the wall as expected, of thinner and thicker regions, of uneven ones.
 
 Loads act on the outer surface, or on the body as a whole in the lowest harmonics (weight, inner pressure). Only
-these rows of the adjoint solutions are kept.
+these rows of the adjoint solutions of the expected wall are kept. What changes of the wall strain is found for the
+loads that are asked for, harmonic by harmonic.
 """
 
 from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
+from builder.processors import one_thread_of_blas
 from builder.reporting import Progress
 from builder.structure.as_built.wall_changes import (
     SIDES,
@@ -23,12 +25,10 @@ from builder.structure.as_built.wall_changes import (
     StifferRegion,
     ThickerWall,
     UnevenChange,
-    harmonic_product,
-    moved_elements,
-    uneven_adjoints,
+    moved_by,
+    solved,
 )
 from builder.structure.as_built.wall_regions import WallRegions, thickened
-from builder.structure.fourier.fourier_elasticity import FourierStiffness
 from builder.structure.fourier.inner_surface import PlacedGauges
 from builder.structure.fourier.meridian_mesh import MeridianMesh, line_nodes
 from builder.structure.fourier.strain_operator import distinct_stations, station_index, strain_rows
@@ -89,6 +89,21 @@ class ForceRows:
         within[:, :, self.outer] = 0.0
         return SplitForces(columns=columns, outer=outer, within=within.reshape(*within.shape[:2], -1))
 
+    def of_harmonic(self, forces: Sequence[SplitForces], n: int) -> FloatArray:
+        """Return the nodal forces (n_dof, 2 k) of k loads in harmonic ``n``, both families of a load in turn."""
+        joined = np.zeros((2 * len(forces), 3 * self.n_nodes))
+        outer = (3 * self.outer[:, None] + np.arange(3)).ravel()
+        for families, force in zip(joined.reshape(len(forces), 2, -1), forces, strict=True):
+            families[:, outer[force.columns]] = force.outer[:, n]
+            if force.within is not None and n < force.within.shape[1]:
+                families += force.within[:, n]
+        return joined.T
+
+    def of_outer(self, adjoint: FloatArray) -> FloatArray:
+        """Return what of an ``adjoint`` (n_s, 3, n_dof) is by forces on the outer surface, (n_s, 3, 3 n_out)."""
+        by_node = adjoint.reshape(*adjoint.shape[:-1], self.n_nodes, 3)
+        return by_node[..., self.outer, :].reshape(*adjoint.shape[:-1], -1)
+
     @cached_property
     def inner(self) -> IntArray:
         """(n,) the other nodes."""
@@ -117,40 +132,187 @@ class Adjoint:
 
     Attributes
     ----------
-    outer : (.., n_m, n_s, 3, 3 n_out) of forces on the outer surface [1/N].
-    low : for each of the lowest harmonics, at most LOW, (.., n_s, 3, n_dof) of all forces [1/N].
+    outer : (n_m, n_s, 3, 3 n_out) of forces on the outer surface [1/N].
+    low : (LOW, n_s, 3, n_dof) of all forces in the lowest harmonics [1/N].
     """
 
     outer: FloatArray
-    low: tuple[FloatArray, ...]
+    low: FloatArray
 
     def strain(self, forces: SplitForces) -> FloatArray:
-        """Return (.., 2, n_m, n_s, 3) amplitudes of strain under forces, in the harmonics of the adjoint."""
-        n_m = self.outer.shape[-4]
-        strain = _product(self.outer[..., forces.columns], forces.outer[:, :n_m])
-        if forces.within is None:
-            return strain
-        highest_within = np.abs(forces.within[:, len(self.low) :]).max(initial=0.0)
-        if highest_within > ROUNDING * np.abs(forces.within).max():
-            raise InputError(
-                f"load: expected harmonics up to {len(self.low) - 1} within the wall, got higher ones"
-            )
-        for n, adjoint in enumerate(self.low[: forces.within.shape[1]]):
-            strain[..., n : n + 1, :, :] += _product(adjoint[..., None, :, :, :], forces.within[:, n : n + 1])
+        """Return (2, n_m, n_s, 3) amplitudes of strain under forces."""
+        strain = _product(self.outer[..., forces.columns], forces.outer)
+        if forces.within is not None:
+            strain[:, : len(self.low)] += _product(self.low, forces.within)
         return strain
 
     def at_stations(self, rows: IntArray) -> Adjoint:
         """Return the same at stations ``rows``."""
-        return Adjoint(
-            outer=self.outer[..., rows, :, :], low=tuple(adjoint[..., rows, :, :] for adjoint in self.low)
-        )
+        return Adjoint(outer=self.outer[:, rows], low=self.low[:, rows])
 
 
 def _product(adjoint: FloatArray, force: FloatArray) -> FloatArray:
-    """Return (.., 2, n_m, n_s, 3) of (.., n_m, n_s, 3, n) and (2, n_m, n): by BLAS, which einsum would not do."""
-    *lead, n_s, _, n = adjoint.shape
-    product = adjoint.reshape(*lead, 3 * n_s, n) @ force.transpose(1, 2, 0)  # .., n_m, 3 n_s, 2
-    return np.asarray(np.moveaxis(product, -1, -3).reshape(*lead[:-1], 2, lead[-1], n_s, 3))
+    """Return (2, n_m, n_s, 3) of (n_m, n_s, 3, n) and (2, n_m, n): by BLAS, which einsum would not do."""
+    n_m, n_s, _, n = adjoint.shape
+    product = adjoint.reshape(n_m, 3 * n_s, n) @ force.transpose(1, 2, 0)  # n_m, 3 n_s, 2
+    return np.asarray(np.moveaxis(product, -1, 0).reshape(2, n_m, n_s, 3))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ChangedStrain:
+    """Amplitudes of the strain that k loads make more on walls that differ, in the harmonics in which that counts.
+
+    Attributes
+    ----------
+    wall, wall_twice : (n_t, k, n_m, n_s, 3) per relative thickness of each region, then per taper of each, and per
+        their squares; empty where the wall is known.
+    uneven : (n_w, n_r, 3 sides, k, n_m, n_s, 3) per region of a wall whose thickness goes as cos(wave phi), for
+        each of :data:`~builder.structure.as_built.wall_changes.WAVES` and of
+        :data:`~builder.structure.as_built.wall_changes.SIDES`.
+    soft : (n_soft, k, n_m, n_s, 3) per compliance of the clamp along and across the body, then per softness of
+        each joint, then per modulus of each region, where that is not known.
+    """
+
+    wall: FloatArray
+    wall_twice: FloatArray
+    uneven: FloatArray
+    soft: FloatArray
+
+    def of_families(self, some: slice) -> ChangedStrain:
+        """Return the same of ``some`` of the loads, which are both families of others in turn: (.., k, 2, ..)."""
+
+        def some_of(strain: FloatArray) -> FloatArray:
+            part = strain[..., some, :, :, :]
+            return part.reshape(*part.shape[:-4], part.shape[-4] // 2, 2, *part.shape[-3:])
+
+        return ChangedStrain(**{name: some_of(value) for name, value in vars(self).items()})
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class WallChanges:
+    """What may differ of the wall, ready for any load; stations are the gauges' distinct ones.
+
+    Attributes
+    ----------
+    mesh, wall : as expected.
+    x : (n_s,) stations [m].
+    n_m, n_changed : number of harmonics, and of those in which changes of the wall count.
+    """
+
+    mesh: MeridianMesh
+    wall: Wall
+    regions: WallRegions
+    x: FloatArray
+    n_m: int
+    n_changed: int
+    with_regions: bool
+    with_moduli: bool
+    joints: tuple[float, ...]
+
+    @property
+    def n_walls(self) -> int:
+        """Number of thicknesses and tapers that are not known."""
+        return 2 * len(self.regions) if self.with_regions else 0
+
+    @property
+    def n_soft(self) -> int:
+        """Number of compliances, softnesses and moduli that are not known."""
+        return 2 + len(self.joints) + (len(self.regions) if self.with_moduli else 0)
+
+    def strain(
+        self, force: Callable[[int], FloatArray], k: int, n_m: int, progress: Progress | None = None
+    ) -> ChangedStrain:
+        """Return what k loads strain, whose nodal forces in a harmonic are ``force`` (n_dof, k), up to ``n_m``
+        harmonics.
+
+        ``progress`` is called with (harmonics done, harmonics in all).
+        """
+        n_m, shape = min(n_m, self.n_changed), (len(self.x), 3)
+        strain = ChangedStrain(
+            wall=np.zeros((self.n_walls, k, n_m, *shape)),
+            wall_twice=np.zeros((self.n_walls, k, n_m, *shape)),
+            uneven=np.zeros((len(WAVES), len(self.regions), len(SIDES), k, n_m, *shape)),
+            soft=np.zeros((self.n_soft, k, n_m, *shape)),
+        )
+        with one_thread_of_blas():
+            for n in range(n_m):
+                self._add_strain(strain, force(n), n)
+                if progress is not None:
+                    progress(n + 1, n_m)
+        self._expected.forget(self.n_m)
+        return strain
+
+    def _add_strain(self, strain: ChangedStrain, force: FloatArray, n: int) -> None:
+        """Set harmonic ``n`` of ``strain`` to that of forces (n_dof, k)."""
+        loaded = np.flatnonzero(force.any(axis=0))
+        if not len(loaded):
+            return
+        acting = force[:, loaded]
+        moved = moved_by(self._expected.at_harmonic(n), acting).T
+        last, motion = None, acting
+        for name, place, rows, dof in self._rows(n):
+            if dof is not last:  # rows of one change follow one another
+                last, motion = dof, acting if dof is None else moved[:, dof].T
+            of_rows = rows.reshape(-1, rows.shape[-1]) @ motion
+            getattr(strain, name)[place][loaded, n] = of_rows.T.reshape(-1, len(self.x), 3)
+
+    def thicker_adjoint(self, thickness: FloatArray, n: int) -> FloatArray:
+        """Return what a ``thickness`` (n_t,) of :attr:`ChangedStrain.wall` changes of the adjoint (n_s, 3, n_dof)
+        of harmonic ``n``; harmonics follow one another."""
+        solver = self._expected.at_harmonic(n)
+        total = np.zeros((len(self.x), 3, self.mesh.n_dof))
+        for size, wall in zip(thickness, self._thicker, strict=False):
+            if size != 0.0:
+                first, second = wall.rows(n)
+                total[..., wall.dof] += size * (first + size * second)
+        return solved(solver, total)
+
+    def _rows(self, n: int) -> Iterator[tuple[str, tuple[int, ...], FloatArray, IntArray | None]]:
+        """Yield rows (n_s, 3, n) of harmonic ``n``, with where in a :class:`ChangedStrain` their product belongs:
+        with the motion of the dofs (n,), or with the forces where these are None."""
+        expected = self._expected
+        solver = expected.at_harmonic(n)
+        for number, wall in enumerate(self._thicker):
+            first, second = wall.rows(n)
+            yield "wall", (number,), first, wall.dof
+            yield "wall_twice", (number,), second, wall.dof
+        if self._clamp is not None:
+            adjoints = self._clamp.adjoints(expected.stiffness, solver, strain_rows(self.mesh, self.x, n), n)
+            for number, adjoint in enumerate(adjoints):
+                yield "soft", (number,), adjoint, None
+        for number, region in enumerate(self._stiffer, start=2):
+            yield "soft", (number,), region.rows(n), region.dof
+        for number, change in enumerate(self._uneven):
+            for wave, side, rows in change.rows(n):
+                yield "uneven", (wave, number, side), rows, change.dof
+
+    @cached_property
+    def _expected(self) -> ExpectedWall:
+        return ExpectedWall(self.mesh, self.wall.material, self.x, self.n_m)
+
+    @cached_property
+    def _thicker(self) -> list[ThickerWall]:
+        """The wall that is thicker in each region, then the one that tapers there."""
+        pairs = thin_and_thick(self.mesh, self.wall, self.regions, THICKNESS_STEP)[: self.n_walls]
+        return [ThickerWall(minus, plus, THICKNESS_STEP, self._expected) for minus, plus in pairs]
+
+    @cached_property
+    def _uneven(self) -> list[UnevenChange]:
+        pairs = thin_and_thick(self.mesh, self.wall, self.regions, HARMONIC_STEP)[: len(self.regions)]
+        return [UnevenChange(plus, minus, HARMONIC_STEP, self._expected) for minus, plus in pairs]
+
+    @cached_property
+    def _stiffer(self) -> list[StifferRegion]:
+        """The wall with each joint, then the ones whose modulus is larger in one region."""
+        soft = [_soft_joint(self._expected, station) for station in self.joints]
+        if not self.with_moduli:
+            return soft
+        share = self.regions.share(self.mesh.node[self.mesh.element, 0].mean(axis=1))
+        return soft + [StifferRegion(self._expected, weight) for weight in share.T]
+
+    @cached_property
+    def _clamp(self) -> ElasticClamp | None:
+        return None if self.mesh.masses is not None else ElasticClamp(self.mesh, self.wall.material)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -161,13 +323,7 @@ class WallStates:
     ----------
     rows : nodal forces that count.
     nominal, fore, aft : of the wall as expected at the stations, and a step ahead of and behind them.
-    wall, wall_twice : per relative thickness of each region, then per taper of each, and per their squares; empty
-        where the wall is known. These and the next two have the harmonics in which changes count.
-    uneven : for each of :data:`~builder.structure.as_built.wall_changes.WAVES`, (n_r, 3 sides) per region of a
-        wall whose thickness goes as cos(wave phi), as in
-        :data:`~builder.structure.as_built.wall_changes.SIDES`.
-    soft : derivatives by the clamp's compliance along and across the body, then by the softness of each joint,
-        then by the modulus of each region, where that is not known.
+    changes : what may differ of the wall.
     forces : structures that give nodal forces only: of the wall as expected, thin ones, thick ones.
     station : (n_d,) of each gauge.
     """
@@ -176,22 +332,19 @@ class WallStates:
     nominal: Adjoint
     fore: Adjoint
     aft: Adjoint
-    wall: tuple[Adjoint, ...]
-    wall_twice: tuple[Adjoint, ...]
-    uneven: tuple[Adjoint, ...]
-    soft: tuple[Adjoint, ...]
+    changes: WallChanges
     forces: tuple[FourierStructure, tuple[FourierStructure, ...], tuple[FourierStructure, ...]]
     station: IntArray
 
     def with_wall(self, thickness: FloatArray) -> Adjoint:
-        """Return the nominal state with the ``thickness`` (n_t,) that multiplies :attr:`wall`."""
-        outer, low = self.nominal.outer.copy(), [part.copy() for part in self.nominal.low]
-        for size, first, second in zip(thickness, self.wall, self.wall_twice, strict=False):
-            if size != 0.0:
-                outer[: len(first.outer)] += size * (first.outer + size * second.outer)
-                for part, by_size, by_square in zip(low, first.low, second.low, strict=False):
-                    part += size * (by_size + size * by_square)
-        return Adjoint(outer=outer, low=tuple(low))
+        """Return the nominal state with the ``thickness`` (n_t,) of :attr:`ChangedStrain.wall`."""
+        outer, low = self.nominal.outer.copy(), self.nominal.low.copy()
+        for n in range(self.changes.n_changed if thickness.any() else 0):
+            change = self.changes.thicker_adjoint(thickness, n)
+            outer[n] += self.rows.of_outer(change)
+            if n < len(low):
+                low[n] += change
+        return Adjoint(outer=outer, low=low)
 
 
 def wall_states(
@@ -203,13 +356,11 @@ def wall_states(
     properties: LoadProperties,
     max_harmonic: int,
     changed_harmonic: int,
-    changed_within: int = LOW - 1,
     with_regions: bool = True,
     with_moduli: bool = False,
     joints: Sequence[float] = (),
-    progress: Progress | None = None,
 ) -> WallStates:
-    """Solve every state of the wall for the strains at the gauges.
+    """Solve the wall as expected for the strains at the gauges, and prepare what may differ of it.
 
     Parameters
     ----------
@@ -221,66 +372,48 @@ def wall_states(
     properties : density and what else loads need.
     max_harmonic, changed_harmonic : highest harmonic in roll angle, and the highest in which changes of the wall
         count, as by :func:`changed_harmonic_of`.
-    changed_within : highest harmonic of loads within the wall and on its inner surface, where the wall changes.
     with_regions : whether thickness and taper by regions are not known.
     with_moduli : whether Young's modulus by regions is not known.
     joints : stations at which the wall may be softer [m].
-    progress : called with (harmonics done, harmonics in all).
     """
     rows = ForceRows(outer=np.unique(line_nodes(mesh.outer_edge)), n_nodes=len(mesh.node))
-    n_m, count = max_harmonic + 1, 2 * len(regions)
+    n_m = max_harmonic + 1
     x, first = _stations(gauges.x)
     moved = np.concatenate([x - along[first], x, x + along[first]])
     stations = distinct_stations(moved)
     fore, middle, aft = station_index(stations, moved).reshape(3, -1)
-    pairs = [_thin_and_thick(mesh, wall, regions, k, WALL_STEP) for k in range(count)]
-    expected = ExpectedWall(mesh, wall.material, stations, middle, n_m)
-    thicker = [_thicker(expected, wall, regions, k) for k in range(count if with_regions else 0)]
-    uneven = [_uneven_change(expected, wall, regions, k) for k in range(len(regions))]
-    clamp = None if mesh.masses is not None else ElasticClamp(mesh, wall.material)
-    stiffer = [_soft_joint(mesh, wall, station, expected.stiffness) for station in joints]
-    stiffer += _stiffer_regions(mesh, wall, regions, expected.stiffness) if with_moduli else []
-    unchanged = _Kept((), n_m, len(stations), rows)
-    changed = changed_harmonic + 1
-    of_wall, of_square, of_soft, of_uneven = (
-        _Kept(lead, changed, len(x), rows, min(LOW, changed_within + 1))
-        for lead in (
-            (len(thicker),),
-            (len(thicker),),
-            (2 + len(stiffer),),
-            (len(WAVES), len(regions), len(SIDES)),
-        )
-    )
+    expected = ExpectedWall(mesh, wall.material, stations, n_m)
+    outer = np.empty((n_m, len(stations), 3, 3 * len(rows.outer)))
+    low = np.empty((min(LOW, n_m), len(stations), 3, mesh.n_dof))
     for n in range(n_m):
-        solver, adjoint = expected.at_harmonic(n)
-        unchanged.take(n, adjoint)
-        if progress is not None:
-            progress(n + 1, n_m)
-        if n >= changed:
-            continue
-        for number, wall_change in enumerate(thicker):
-            per_change, per_square = wall_change.adjoints(solver, n)
-            of_wall.take(n, per_change, number)
-            of_square.take(n, per_square, number)
-        if clamp is not None:
-            of_soft.take(n, clamp.adjoints(expected.stiffness, solver, strain_rows(mesh, x, n), n), slice(2))
-        for number, region in enumerate(stiffer, start=2):
-            of_soft.take(n, region.adjoint(expected.at_gauges(n), solver, n), number)
-        for place, change in uneven_adjoints(uneven, expected, solver, n):
-            of_uneven.take(n, change, *place)
+        expected.at_harmonic(n)
+        adjoint = expected.adjoint(n)
+        outer[n] = rows.of_outer(adjoint)
+        if n < len(low):
+            low[n] = adjoint
+    unchanged = Adjoint(outer=outer, low=low)
+    pairs = thin_and_thick(mesh, wall, regions, WALL_STEP)
     bare = [
         _forces_only(changed_mesh, wall, properties, max_harmonic)
         for changed_mesh in (mesh, *itertools.chain(*pairs))
     ]
+    changes = WallChanges(
+        mesh=mesh,
+        wall=wall,
+        regions=regions,
+        x=x,
+        n_m=n_m,
+        n_changed=changed_harmonic + 1,
+        with_regions=with_regions,
+        with_moduli=with_moduli,
+        joints=tuple(joints),
+    )
     return WallStates(
         rows=rows,
-        nominal=unchanged.adjoint.at_stations(middle),
-        fore=unchanged.adjoint.at_stations(fore),
-        aft=unchanged.adjoint.at_stations(aft),
-        wall=of_wall.by_first,
-        wall_twice=of_square.by_first,
-        uneven=of_uneven.by_first,
-        soft=of_soft.by_first,
+        nominal=unchanged.at_stations(middle),
+        fore=unchanged.at_stations(fore),
+        aft=unchanged.at_stations(aft),
+        changes=changes,
         forces=(bare[0], tuple(bare[1::2]), tuple(bare[2::2])),
         station=station_index(x, gauges.x),
     )
@@ -291,35 +424,25 @@ def changed_harmonic_of(of_loads: int, of_flows: int) -> int:
     return max(math.ceil(CHANGED_PART * of_loads), min(CHANGED_BY_FLOW, of_flows))
 
 
-def _thin_and_thick(
-    mesh: MeridianMesh, wall: Wall, regions: WallRegions, k: int, step: float
-) -> tuple[MeridianMesh, MeridianMesh]:
-    """Return the meshes of a wall that is thinner and thicker by ``step`` in region ``k``, then of one that
-    tapers."""
-    even, taper = np.split(step * np.eye(2 * len(regions))[k], 2)
-    thin, thick = (thickened(mesh, wall, regions, sign * even, sign * taper) for sign in (-1.0, 1.0))
-    return thin, thick
+def thin_and_thick(
+    mesh: MeridianMesh, wall: Wall, regions: WallRegions, step: float
+) -> list[tuple[MeridianMesh, MeridianMesh]]:
+    """Return the meshes of a wall that is thinner and thicker by ``step`` in each region, then of those that
+    taper."""
+    pairs = []
+    for change in step * np.eye(2 * len(regions)):
+        even, taper = np.split(change, 2)
+        thin, thick = (thickened(mesh, wall, regions, sign * even, sign * taper) for sign in (-1.0, 1.0))
+        pairs.append((thin, thick))
+    return pairs
 
 
-def _thicker(expected: ExpectedWall, wall: Wall, regions: WallRegions, k: int) -> ThickerWall:
-    """Return the wall that is thicker in region ``k``, then the one that tapers."""
-    minus, plus = _thin_and_thick(expected.mesh, wall, regions, k, THICKNESS_STEP)
-    return ThickerWall(minus, plus, THICKNESS_STEP, expected, wall.material)
-
-
-def _stiffer_regions(
-    mesh: MeridianMesh, wall: Wall, regions: WallRegions, even: FourierStiffness
-) -> list[StifferRegion]:
-    """Return the walls whose modulus is larger in one region each."""
-    share = regions.share(mesh.node[mesh.element, 0].mean(axis=1))
-    return [StifferRegion(mesh, wall.material, weight, even) for weight in share.T]
-
-
-def _soft_joint(mesh: MeridianMesh, wall: Wall, station: float, even: FourierStiffness) -> StifferRegion:
+def _soft_joint(expected: ExpectedWall, station: float) -> StifferRegion:
     """Return the wall with a joint at ``station`` [m], per length of wall that it yields like.
 
     It is in the elements through the wall that are nearest.
     """
+    mesh = expected.mesh
     x = mesh.node[mesh.element, 0]
     first, last = mesh.node[line_nodes(mesh.inner_edge)[[0, -1]], 0]
     if not first < station < last:
@@ -330,16 +453,7 @@ def _soft_joint(mesh: MeridianMesh, wall: Wall, station: float, even: FourierSti
     distance = np.abs(x.mean(axis=1) - station)
     length = float(np.ptp(x[distance.argmin()]))
     nearest = distance < distance.min() + 0.25 * length
-    return StifferRegion(mesh, wall.material, nearest.astype(np.float64), even, size=-1.0 / length)
-
-
-def _uneven_change(expected: ExpectedWall, wall: Wall, regions: WallRegions, k: int) -> UnevenChange:
-    """Return the derivative by the amplitude of an uneven wall in region ``k``."""
-    step, region = HARMONIC_STEP, np.eye(len(regions))[k]
-    plus, minus = (thickened(expected.mesh, wall, regions, sign * step * region) for sign in (1.0, -1.0))
-    moved, even = moved_elements(plus, minus), expected.stiffness
-    of_plus, of_minus = (harmonic_product(wall_mesh, wall.material, even, moved) for wall_mesh in (plus, minus))
-    return UnevenChange(plus, minus, step, expected.x, of_plus.less(of_minus, 2.0 * step))
+    return StifferRegion(expected, nearest.astype(np.float64), size=-1.0 / length)
 
 
 def _stations(x: FloatArray) -> tuple[FloatArray, IntArray]:
@@ -351,37 +465,6 @@ def _stations(x: FloatArray) -> tuple[FloatArray, IntArray]:
 def _at_stations(x: FloatArray) -> PlacedGauges:
     zero = np.zeros(len(x))
     return PlacedGauges(x=x, roll_angle=zero, meridional=zero, circumferential=zero)
-
-
-class _Kept:
-    """The rows that count of adjoints (.., n_m, n_s, 3, n_dof), harmonic by harmonic."""
-
-    def __init__(self, lead: tuple[int, ...], n_m: int, n_s: int, rows: ForceRows, n_low: int = LOW) -> None:
-        """Make room for ``lead`` adjoints; those that are not taken are zero."""
-        self._rows = rows
-        self._outer = np.zeros((*lead, n_m, n_s, 3, 3 * len(rows.outer)))
-        self._low = np.zeros((min(n_low, n_m), *lead, n_s, 3, 3 * rows.n_nodes))
-
-    def take(self, n: int, adjoint: FloatArray, *place: int | slice) -> None:
-        """Keep adjoints (.., n_s, 3, n_dof) of harmonic ``n`` at ``place`` of the first dimensions."""
-        by_node = adjoint.reshape(*adjoint.shape[:-1], -1, 3)
-        outer = self._outer[(*place, ..., n, slice(None), slice(None), slice(None))]
-        outer = outer.reshape(*outer.shape[:-1], -1, 3)
-        np.take(by_node, self._rows.outer, axis=-2, out=outer, mode="clip")
-        if n < len(self._low):
-            self._low[(n, *place)] = adjoint
-
-    @property
-    def adjoint(self) -> Adjoint:
-        return Adjoint(outer=self._outer, low=tuple(self._low))
-
-    @property
-    def by_first(self) -> tuple[Adjoint, ...]:
-        """One adjoint for each of the first dimension."""
-        return tuple(
-            Adjoint(outer=outer, low=tuple(adjoint[k] for adjoint in self._low))
-            for k, outer in enumerate(self._outer)
-        )
 
 
 def _forces_only(

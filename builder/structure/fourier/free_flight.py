@@ -54,6 +54,12 @@ class FlyingSolver:
         adjoint = self._held.solve(load)
         return np.asarray(adjoint - self._rigid @ np.linalg.solve(self._inertia, self._inertia_force.T @ adjoint))
 
+    def moved_by(self, load: FloatArray) -> FloatArray:
+        """Return displacement amplitudes (n_dof, k) [m] under nodal forces (n_dof, k) that inertia balances: the
+        transpose of :meth:`solve`."""
+        inertia = self._inertia_force @ np.linalg.solve(self._inertia.T, self._rigid.T @ load)
+        return self._held.solve(load - inertia)
+
 
 def inertia_matrix(mesh: MeridianMesh, harmonic: int) -> csr_array:
     """Return the mass matrix (n_dof, n_dof) [kg] of a harmonic, per :func:`roll_integral` as the stiffness is.

@@ -146,18 +146,13 @@ def strain_rows(mesh: MeridianMesh, x: FloatArray, harmonic: int) -> FloatArray:
     -------
     (n, 3, n_dof) [1/m]: meridional, hoop, shear (tensor).
     """
-    return strain_rows_at(inner_surface_points(mesh, x), len(mesh.node), harmonic)
+    point, n = inner_surface_points(mesh, x), len(x)
+    rows = np.zeros((n, 3, len(mesh.node), 3))
+    rows[np.arange(n)[:, None], :, point.node] = strain_of_nodes(point, harmonic)
+    return rows.reshape(n, 3, mesh.n_dof)
 
 
-def strain_rows_at(point: SurfacePoints, n_nodes: int, harmonic: int) -> FloatArray:
-    """Return the same at points of the inner surface of a mesh of ``n_nodes`` nodes."""
-    n = len(point.radius)
-    rows = np.zeros((n, 3, n_nodes, 3))
-    rows[np.arange(n)[:, None], :, point.node] = _strain_of_nodes(point, harmonic)
-    return rows.reshape(n, 3, 3 * n_nodes)
-
-
-def _strain_of_nodes(point: SurfacePoints, harmonic: int) -> FloatArray:
+def strain_of_nodes(point: SurfacePoints, harmonic: int) -> FloatArray:
     """Return (n, nodes, 3 strains, 3 displacements) [1/m] of the nodes of the edge that each point is on."""
     t_x, t_r = point.tangent.T[:, :, None]
     by_s, over_r = point.slope, point.value / point.radius[:, None]
@@ -172,7 +167,7 @@ def _strain_of_nodes(point: SurfacePoints, harmonic: int) -> FloatArray:
 def strain_of_displacements(mesh: MeridianMesh, x: FloatArray, harmonic: int, moved: FloatArray) -> FloatArray:
     """Return (n, 3, k) the strains of :func:`strain_rows` at stations ``x`` (n,) of displacements (n_dof, k)."""
     point = inner_surface_points(mesh, x)
-    of_nodes = _strain_of_nodes(point, harmonic).transpose(0, 2, 1, 3).reshape(len(x), 3, -1)
+    of_nodes = strain_of_nodes(point, harmonic).transpose(0, 2, 1, 3).reshape(len(x), 3, -1)
     at_nodes = moved.reshape(len(mesh.node), 3, -1)[point.node]  # n, nodes, 3 displacements, k
     return np.asarray(of_nodes @ at_nodes.reshape(len(x), of_nodes.shape[2], -1))
 

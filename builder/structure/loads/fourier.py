@@ -55,11 +55,6 @@ def harmonics_of(load: Load) -> int:
         return MAX_HARMONIC
     if isinstance(load, PadForce | PadPressure):
         return pad_harmonics(load.half_angle)
-    return harmonics_within(load)
-
-
-def harmonics_within(load: Load) -> int:
-    """Return the highest harmonic in which ``load`` acts within the wall or on its inner surface."""
     return min(MAX_HARMONIC, load.max_harmonic) if isinstance(load, TemperatureField) else 1
 
 
