@@ -51,7 +51,7 @@ from strainfmu.estimator.air_inputs import (
     QSource,
 )
 from strainfmu.estimator.estimator import Estimator
-from strainfmu.estimator.map.flight_tables import evaluate
+from strainfmu.estimator.map.flight_tables import values
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.map.nonlinear_map import ManifoldMap
 from strainfmu.estimator.signal_names import STRAIN, TEMPERATURE
@@ -391,7 +391,7 @@ def field_errors(
     columns = np.hstack([followed, manifold.considered_columns])
     errors = np.exp(states[:, 3:]) * (random.standard_normal((len(states), columns.shape[1])) @ columns.T)
     if (tables := manifold.considered_tables) is not None:
-        errors += random.standard_normal((len(states), 1)) * evaluate(tables, states).value
+        errors += random.standard_normal((len(states), 1)) * values(tables, states)
     n_d = manifold.n_gauges
     return errors[:, :n_d], errors[:, n_d : n_d + len(manifold.references)]
 

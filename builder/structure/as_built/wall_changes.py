@@ -53,7 +53,7 @@ SIDES = (-1, 1, 0)
 
 
 class ChangedNodes:
-    """The nodes that a change of the wall reaches: of elements that move, and those that give strain beside them.
+    """The nodes that a change of the wall reaches: of elements that move, and next to them those that give strain.
 
     Attributes
     ----------

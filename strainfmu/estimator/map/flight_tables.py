@@ -71,10 +71,24 @@ def evaluate(tables: FlightTables, state: FloatArray) -> Response:
     return Response(value + tables.fixed_response, jacobian)
 
 
+def values(tables: FlightTables, state: FloatArray) -> FloatArray:
+    """Return strains then loads (k, n_d + n_f) at ``state`` (k, 4), without derivatives: a third of the time."""
+    mach, u, w, log_pressure = state.T
+    incidence = np.sqrt(u * u + w * w + MIN_INCIDENCE * MIN_INCIDENCE)
+    at_wind = _harmonics(u, w, incidence, tables.response.shape[3])
+    sums = _sums(tables, mach, incidence, at_wind, count=1)[0]
+    return np.asarray(np.exp(log_pressure)[:, None] * sums + tables.fixed_response)
+
+
 def _sums(
-    tables: FlightTables, mach: FloatArray, incidence: FloatArray, at_wind: tuple[FloatArray, ...]
+    tables: FlightTables,
+    mach: FloatArray,
+    incidence: FloatArray,
+    at_wind: tuple[FloatArray, ...],
+    count: int = 5,
 ) -> FloatArray:
-    """Return (5, k, n_d + n_f) sums over harmonics, their derivatives by M and a_T, and by u and w at one a_T."""
+    """Return the first ``count`` of (5, k, n_d + n_f) sums over harmonics, their derivatives by M and a_T, and by u
+    and w at one a_T."""
     wind, by_u, by_w = at_wind
     of_mach, of_incidence = local_basis(tables.mach_knots, mach), local_basis(tables.incidence_knots, incidence)
     factors = (
@@ -83,7 +97,7 @@ def _sums(
         (of_mach.value, of_incidence.derivative, wind),
         (of_mach.value, of_incidence.value, by_u),
         (of_mach.value, of_incidence.value, by_w),
-    )
+    )[:count]
     n = tables.response.shape[2]
     sums = np.empty((len(factors), len(mach), n))
     cells = np.stack([of_mach.cell, of_incidence.cell], axis=1)
