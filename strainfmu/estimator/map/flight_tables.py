@@ -87,8 +87,8 @@ def _sums(
     at_wind: tuple[FloatArray, ...],
     count: int = 5,
 ) -> FloatArray:
-    """Return the first ``count`` of (5, k, n_d + n_f) sums over harmonics, their derivatives by M and a_T, and by u
-    and w at one a_T."""
+    """Return (5, k, n_d + n_f) sums over harmonics, their derivatives by M and a_T, and by u and w at one a_T: the
+    first ``count`` of these."""
     wind, by_u, by_w = at_wind
     of_mach, of_incidence = local_basis(tables.mach_knots, mach), local_basis(tables.incidence_knots, incidence)
     factors = (
