@@ -243,7 +243,7 @@ class WallChanges:
         return strain
 
     def _add_strain(self, strain: ChangedStrain, force: FloatArray, n: int) -> None:
-        """Set harmonic ``n`` of ``strain`` to that of forces (n_dof, k)."""
+        """Set harmonic ``n`` of ``strain`` to what forces (n_dof, k) strain."""
         loaded = np.flatnonzero(force.any(axis=0))
         if not len(loaded):
             return
