@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from sweeps import crossed
 
 from builder.aero.surface.mesh import mesh_of_grid
 from builder.campaign.snapshots import Snapshots
@@ -88,8 +89,9 @@ def test_centre_lines_are_windward_and_leeward(free_surface: bool) -> None:
             np.testing.assert_allclose(cp, 0.07 + sign * 0.65 * incidence, rtol=0.0, atol=0.0065 * incidence)
 
 
-@pytest.mark.parametrize("free_surface", [False, True])
-@pytest.mark.parametrize("name", ["surface_maps", "centre_lines", "force_curves"])
+@pytest.mark.parametrize(
+    ("name", "free_surface"), crossed(["surface_maps", "centre_lines", "force_curves"], [False, True])
+)
 def test_every_figure_is_drawn(name: str, free_surface: bool, tmp_path: Path) -> None:
     figure = getattr(snapshot_figures, name)(cone_snapshots(free_surface))
     save(figure, tmp_path / "figure.png")

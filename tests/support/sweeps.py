@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from itertools import product
 from typing import Any
 
 import pytest
@@ -20,3 +21,13 @@ def sweep(values: Iterable[Any], quick: Iterable[Any]) -> list[ParameterSet]:
         )
         for value in values
     ]
+
+
+def crossed(*levels: Iterable[Any]) -> list[ParameterSet]:
+    """Return all combinations of ``levels`` as parameters of a test.
+
+    All are slow but as many as the longest list has: they take every level, shorter lists from their begin again.
+    """
+    lists = [list(values) for values in levels]
+    most = max(map(len, lists))
+    return sweep(product(*lists), [tuple(values[k % len(values)] for values in lists) for k in range(most)])

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from linear_kinds import KINDS
 from scaled_maps import whole_scaled_map
+from sweeps import crossed
 from test_linear_reference import agreement
 
 from strainfmu.errors import InputError
@@ -81,8 +82,7 @@ def samples(inverse_map: InverseMap, lost: int, fault: float, seed: int) -> tupl
     return readings, pressure
 
 
-@pytest.mark.parametrize("lost", [0, 1, 7, 18])
-@pytest.mark.parametrize("fault", [0.0, 1e-4])
+@pytest.mark.parametrize(("lost", "fault"), crossed([0, 1, 7, 18], [0.0, 1e-4]))
 def test_columns_agree_with_full_matrices(
     inverse_map: InverseMap, monkeypatch: pytest.MonkeyPatch, lost: int, fault: float
 ) -> None:
