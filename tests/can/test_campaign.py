@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from can_case import CYCLE, GAP, LOSING, N_GAUGES, SIZES, Campaign, layout_of, mixed_layout, run_campaign
 from can_faults import NEED_A_KEY, Fault, FaultKind, random_faults
+from sweeps import crossed
 
 from strainfmu.can.options import BridgeSettings
 from strainfmu.can.profiles import PROFILES
@@ -147,8 +148,10 @@ def test_strains_that_are_both_repeated_and_held_back_are_old() -> None:
         assert run.late_recovery == []
 
 
-@pytest.mark.parametrize("profile", ["fd64", "classic-le"])
-@pytest.mark.parametrize("losing", [*sorted(LOSING, key=lambda kind: kind.value), FaultKind.SILENCE])
+@pytest.mark.parametrize(
+    ("losing", "profile"),
+    crossed([*sorted(LOSING, key=lambda kind: kind.value), FaultKind.SILENCE], ["fd64", "classic-le"]),
+)
 def test_strains_that_freeze_while_frames_are_lost_are_as_old_as_the_lost_ones(
     profile: str, losing: FaultKind
 ) -> None:

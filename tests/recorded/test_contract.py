@@ -11,6 +11,7 @@ import pytest
 from limited_process import limited_run
 from mutations import mutated
 from recorded_formats import WRITERS, Columns, Group, Groups, lvm_file
+from sweeps import crossed
 from synthetic_vehicle import SyntheticFiles
 
 from strainfmu.errors import InputError
@@ -139,10 +140,10 @@ def test_what_a_format_says_of_its_numbers_is_heeded(
     np.testing.assert_allclose(block.strain[:, 1], expected, atol=1e-12)
 
 
-@pytest.mark.parametrize(
-    "unit", ["um/m", "µm/m", "microstrain", "ue", "µε", "uStrain", "UM/M", "Microstrain", "ppm", "µin/in"]
-)
-@pytest.mark.parametrize("kind", [kind for kind in WRITERS if kind not in WITHOUT_UNITS])
+UNITS = ("um/m", "µm/m", "microstrain", "ue", "µε", "uStrain", "UM/M", "Microstrain", "ppm", "µin/in")
+
+
+@pytest.mark.parametrize(("unit", "kind"), crossed(UNITS, [kind for kind in WRITERS if kind not in WITHOUT_UNITS]))
 def test_units_are_spelt_in_any_way(kind: str, unit: str, tmp_path: Path) -> None:
     if kind == "uff" and not unit.isascii():
         pytest.skip("universal files are ASCII")
