@@ -445,9 +445,7 @@ def _facts(
         "remarks": list(remarks(estimate)),
         "changed_since": dict(estimate.model.test.changed),
         "mass_percent": round(100.0 * float(part.mass[0]), 4),
-        "load_cell_percent": (100.0 * estimate.vector[estimate.model.cell_entries][: len(estimate.model.cells)])
-        .round(4)
-        .tolist(),
+        "load_cell_percent": (100.0 * estimate.vector[estimate.model.entries["cell"][0]]).round(4).tolist(),
         "zero_um_per_m": (1e6 * part.zero).round(6).tolist(),
         "zero_std_um_per_m": (1e6 * sigma[where[ZERO]]).round(6).tolist(),
         "wall_thickness_percent": (100.0 * part.wall_thickness).round(4).tolist(),

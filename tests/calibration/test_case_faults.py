@@ -115,7 +115,7 @@ def test_a_mass_on_every_pad_is_no_fault_of_gauges_and_loads(model: ReadingsMode
     found, faults = calibrate_with_faults(model.with_readings(reading))
     assert faults == ()
     assert [one.kind for one in found.model.causes] == ["rig"]
-    at = found.model.rig_entry
+    at = found.model.entries["rig"][0]
     assert abs(found.vector[at] - 10.0) < 4.0 * found.std[at] < 4.0
     assert not unexplained(found, outside_model(found), faults)
 

@@ -14,7 +14,7 @@ from builder.calibration.estimate.causes import Evidence, causes_of
 from builder.calibration.estimate.estimated_vehicle import usable
 from builder.calibration.estimate.ground_test_faults import calibrate_with_faults
 from builder.calibration.estimate.outside_terms import outside_model
-from builder.calibration.estimate.readings_model import PAD_STEPS, Cause, ReadingsModel
+from builder.calibration.estimate.readings_model import Cause, ReadingsModel
 from builder.calibration.estimate.remarks import remarks, unexplained
 from builder.calibration.ground_test.candidate_cases import harmonics_of_test
 from builder.calibration.ground_test.load_changes import common_turns, tilted
@@ -114,14 +114,13 @@ def test_derivatives_by_what_all_cases_have_in_common(model: ReadingsModel) -> N
     vector = np.zeros(len(model.std))
     vector[: model.n_built] = (model.std * random.standard_normal(len(model.std)))[: model.n_built]
     jacobian = model.jacobian(vector)[1].toarray()
-    first, drift = model.common_entries.start, model.drift_entries
+    of = model.entries
     for entry in (
-        first,
-        first + 1,
-        model.rig_entry + 1,
-        drift.start + 3,
-        drift.stop + 3,
-        model.common_entries.stop - 1,
+        *of["direction"],
+        *of["size"],
+        of["drift"][3],
+        of["hysteresis"][3],
+        *of["hysteresis of all"],
     ):
         step = 1e-4 * np.eye(len(vector))[entry]
         change = (model.readings(vector + step) - model.readings(vector - step)) / 2e-4
@@ -196,7 +195,7 @@ def test_a_gain_far_beyond_its_tolerance_is_named(model: ReadingsModel, draw: in
 def test_a_load_is_called_wrong_from_one_percent(vehicle: Vehicle, tested: AsBuiltStructure) -> None:
     exact = model_of(vehicle, tested, LoadErrors(load=0.001))
     change = np.zeros(len(exact.std))
-    at = exact.cell_entries.start - len(exact.loads)
+    at = exact.entries["load"][0]
     (number,) = [k for k, (case, one) in enumerate(exact.loads) if case == 3 and one.on_load_cell]
     for size, expected in ((0.007, []), (0.05, ["pad 4"])):
         change[at + number] = size
@@ -211,7 +210,7 @@ def test_a_load_far_beyond_its_statement_blames_no_gauge(
 ) -> None:
     """3 % off where 0.05 % is stated: without this case the gauges fit."""
     exact = model_of(vehicle, tested, LoadErrors(load=0.0005))
-    at, change = exact.cell_entries.start - len(exact.loads), np.zeros(len(exact.std))
+    at, change = exact.entries["load"][0], np.zeros(len(exact.std))
     (number,) = [k for k, (one, known) in enumerate(exact.loads) if one == case and known.on_load_cell]
     change[at + number] = 0.03
     reading, _ = drawn_readings(exact, np.random.default_rng(case), change)
@@ -223,7 +222,7 @@ def test_a_tilted_force_keeps_its_size(model: ReadingsModel) -> None:
     number = next(k for k, (_, one) in enumerate(model.loads) if isinstance(one.load, PadForce))
     case, known = model.loads[number]
     vector, angle = np.zeros(len(model.std)), float(np.tan(np.deg2rad(5.0)))
-    vector[model.cell_entries.stop + len(PAD_STEPS) * number + len(PAD_STEPS) - 2] = angle
+    vector[model.entries["pad"][number, -2]] = angle
     structure = model.structure
     drawing = structure.exactly_built()
     change = structure.load_strain(drawing, [tilted(known.load, angle)]) - structure.load_strain(

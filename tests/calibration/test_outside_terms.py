@@ -36,7 +36,7 @@ def calibrated(blank: ReadingsModel, seed: int, noise: float = 1.0, **wall: Floa
     """Return the estimate of a vehicle drawn at random but for its ``wall``; ``noise`` is over what is stated."""
     random = np.random.default_rng(seed)
     vector = np.zeros(len(blank.std))
-    own = slice(blank.common_entries.start)  # what all cases have in common is zero
+    own = slice(blank.entries["direction"][0])  # what all cases have in common is zero
     vector[own] = blank.std[own] * random.standard_normal(own.stop)
     vector[: blank.n_built] = draw_as_built(blank.prior, random).changed(**wall).vector
     reading = blank.readings(vector)
@@ -50,8 +50,8 @@ def kinds_of(found: Estimate) -> dict[str, OutsideKind]:
 
 def test_a_larger_load_shows_more_of_what_is_taken_for_zero(blank: ReadingsModel) -> None:
     vector = np.zeros(len(blank.std))
-    stated, end = blank.held_derivatives(vector), blank.cell_entries.start
-    vector[end - len(blank.loads) : end] = 0.1
+    stated = blank.held_derivatives(vector)
+    vector[blank.entries["load"]] = 0.1
     assert stated
     for key, found in blank.held_derivatives(vector).items():
         np.testing.assert_allclose(found, 1.1 * stated[key], rtol=1e-12, err_msg=str(key))

@@ -42,7 +42,7 @@ def model(as_built: AsBuiltStructure, prior: AsBuilt) -> tuple[ReadingsModel, np
     random, blank = np.random.default_rng(11), blank_test(as_built.gauges.names, ERRORS, NOISE)
     empty = ReadingsModel(as_built, blank, prior)
     vector = np.zeros(len(empty.std))
-    own = slice(empty.common_entries.start)  # what all cases have in common is zero
+    own = slice(empty.entries["direction"][0])  # what all cases have in common is zero
     vector[own] = empty.std[own] * random.standard_normal(own.stop)
     vector[: empty.n_built] = draw_as_built(prior, random).vector
     reading = empty.readings(vector) + NOISE * random.standard_normal(blank.readings.shape)
@@ -150,7 +150,7 @@ def test_two_load_cells_have_gains_and_offsets_of_their_own(
     two = ReadingsModel(as_built, replace(built.test, cases=cells, errors=errors), prior)
     truth = np.zeros(len(two.std))
     truth[: two.n_built] = vector[: built.n_built]
-    at = two.cell_entries
+    at = slice(two.entries["cell"][0, 0], two.entries["cell"][1, -1] + 1)
     assert two.names[at] == ("load cell A", "load cell B", "load cell offset A", "load cell offset B")
     truth[at] = 0.0, 0.02, 15.0, 0.0
     noise = built.test.readings - built.readings(vector)

@@ -21,7 +21,7 @@ from scipy.special import chdtrc
 
 from builder.calibration.estimate.estimated_vehicle import Estimate
 from builder.calibration.estimate.gaussian import GaussianModel
-from builder.calibration.estimate.readings_model import ReadingsModel, scaled_columns
+from builder.calibration.estimate.readings_model import DRIFT, ReadingsModel, scaled_columns
 from builder.calibration.ground_test.equations_file import FORCES
 from builder.calibration.ground_test.load_changes import cell_force, hanging, is_along
 from builder.calibration.ground_test.load_test import LoadCase
@@ -272,9 +272,10 @@ class _Screen:
             elif number in wrong:
                 kind, text = "interchanged", f"its readings are interchanged with case '{names[number]}'"
             columns, more = self.columns(number), None
-            columns[:, self.model.drift_entries] = self.columns(case)[:, self.model.drift_entries]
+            drift = self.model.entries[DRIFT]
+            columns[:, drift] = self.columns(case)[:, drift]
             if kind == "mislabelled":  # the loads were applied once more, with errors of their own
-                entries = self.model.load_entries
+                entries = np.append(self.model.entries["load"], self.model.entries["pad"])
                 more, columns[:, entries] = columns[:, entries].copy(), 0.0
             yield _Cause(kind=kind, text=text, reading=self.predicted[number], columns=columns, more=more)
 

@@ -24,7 +24,7 @@ from scipy.linalg import solve_triangular
 from scipy.sparse import csr_array
 
 from builder.calibration.estimate.gaussian import GaussianModel
-from builder.calibration.estimate.readings_model import PAD_STEPS, Cause, ReadingsModel, Where, scaled_columns
+from builder.calibration.estimate.readings_model import Cause, ReadingsModel, Where, scaled_columns
 from builder.calibration.ground_test.load_changes import change_by, hanging
 from builder.structure.as_built.as_built_vehicle import slices
 from builder.structure.as_built_kinds import KINDS
@@ -107,37 +107,35 @@ def _of_vehicle(model: ReadingsModel) -> Iterator[Cause]:
 
 
 def _of_test(model: ReadingsModel) -> Iterator[Cause]:
-    first, rig, drift, n_k = model.common_entries.start, model.rig_entry, model.drift_entries, len(model.cells)
+    of, n_d = model.entries, model.structure.n_gauges
     common = {
-        "direction": (np.arange(first, rig), np.full(rig - first, WIDE_TURN)),
-        "rig": (np.array([rig]), np.array([WIDE_RIG])),
-        "pad size": (np.array([rig + 1]), np.array([WIDE_SIZE])),
-        "drift": (np.arange(drift.start, drift.stop), np.full(model.structure.n_gauges, WIDE_DRIFT)),
+        "direction": (of["direction"], np.full(len(of["direction"]), WIDE_TURN)),
+        "rig": (of["rig"], np.array([WIDE_RIG])),
+        "pad size": (of["size"], np.array([WIDE_SIZE])),
+        "drift": (of["drift"], np.full(n_d, WIDE_DRIFT)),
         "hysteresis": (
-            np.arange(drift.stop, model.common_entries.stop),
-            np.append(np.full(model.structure.n_gauges, WIDE_HYSTERESIS / 5.0), WIDE_HYSTERESIS),
+            np.append(of["hysteresis"], of["hysteresis of all"]),
+            np.append(np.full(n_d, WIDE_HYSTERESIS / 5.0), WIDE_HYSTERESIS),
         ),
     }
     for kind, (entries, wide) in common.items():
         yield Cause(where="vehicle", kind=kind, entries=entries, wide=wide)
-    for cell in range(n_k):
-        if model.std[model.cell_entries.start + cell] > 0.0:
-            gain, curve = model.cell_entries.start + cell, model.rig_entry + 2 + cell
-            entries = np.array([gain, curve, curve + n_k])
+    for cell, (gain, _, *curve) in enumerate(of["cell"].T):
+        if model.std[gain] > 0.0:
+            entries = np.array([gain, *curve])
             yield Cause(where="vehicle", kind="load cell", number=cell, entries=entries, wide=np.array(WIDE_CELL))
 
 
 def _of_loads(model: ReadingsModel) -> Iterator[Cause]:
+    of_load, of_pad = model.entries["load"], model.entries["pad"]
     for number, (_, known) in enumerate(model.loads):
         if known.std > 0.0:
-            entries = model.own_entries[[number]]
+            entries = of_load[[number]]
             yield Cause(where="load", kind="load", number=number, entries=entries, wide=np.array([WIDE_LOAD]))
-    tilts = len(PAD_STEPS) - 2  # the last two of each load
     for number, (case, known) in enumerate(model.loads):
         if isinstance(known.load, PadForce | PointForce):
             change = change_by(known.load, hanging(known.load, model.test.cases[case], WIDE_MASS))
-            turn = model.cell_entries.stop + len(PAD_STEPS) * number + tilts
-            entries = np.array([model.own_entries[number], turn, turn + 1])
+            entries = np.array([of_load[number], *of_pad[number, -2:]])  # the tilts are the last two
             yield Cause(where="load", kind="mass", number=number, entries=entries, wide=change, together=True)
 
 

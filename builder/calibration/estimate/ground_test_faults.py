@@ -333,7 +333,7 @@ def load_shifts(fit: Estimate) -> tuple[FloatArray, FloatArray]:
     The load's own error is what the others readings and all priors say without the prior of that error.
     """
     model = fit.model
-    index = model.own_entries
+    index = model.entries["load"]
     prior, after = model.std[index] ** 2, np.diag(fit.covariance)[index]
     shift, size = np.zeros(len(index)), np.zeros(len(index))
     used = np.array([fit.used[k].any() for k, _ in model.loads])
@@ -356,7 +356,7 @@ def doubtful_cases(model: ReadingsModel, scatter: _GaugeScatter) -> BoolArray:
     left_out = [scatter.left_out(gauge) for gauge in range(shape[1])]
     error, std = (np.array(part).T for part in zip(*left_out, strict=True))
     columns = model.at_drawing()[1].tocsc()
-    for entry, (case, known) in zip(model.own_entries, model.loads, strict=True):
+    for entry, (case, known) in zip(model.entries["load"], model.loads, strict=True):
         if known.std > 0.0:
             strain = columns[:, [entry]].toarray().reshape(shape)[case]
             some = np.isfinite(error[case]) & (strain != 0.0)

@@ -199,6 +199,9 @@ class ReadingsModel:
     ----------
     names : of the vector's entries.
     std : (n,) of the vector before the test.
+    entries : where the errors of the test stand in the vector: "zero" (n_groups, n_d), "load" (n_loads,), "cell"
+        (4, n_cells) by :data:`CELL` and :data:`CURVE`, "pad" (n_loads, 5) by :data:`PAD_STEPS`, "direction" (2,)
+        of all forces, "rig" and "size" of all pads (1,), "drift" and "hysteresis" (n_d,), "hysteresis of all" (1,).
     causes : what the readings themselves have set free.
     time : (n_cases,) of each case in the order of the file, 0 for the first and 1 for the last.
     """
@@ -231,8 +234,16 @@ class ReadingsModel:
         self._together: dict[str, Any] = {}
         self._kept: dict[tuple[bool, bool], _Kept] = {}
         vehicle_names = parameter_names(structure.gauges.names, structure.counts)
-        extra, std = self._extra_names(), self._extra_std()
-        self.names, self.std = (*vehicle_names, *extra), np.concatenate([self.prior.vector, std])
+        parts = self._parts_of_test()
+        self.names = (*vehicle_names, *(name for names, _ in parts.values() for name in names))
+        self.std = np.concatenate([self.prior.vector, *(std for _, std in parts.values())])
+        ends = self.n_built + np.cumsum([len(std) for _, std in parts.values()])
+        of = {what: np.arange(end - len(parts[what][1]), end) for what, end in zip(parts, ends, strict=True)}
+        zero = np.arange(self.n_built)[slices(structure.counts)[ZERO]]
+        of["zero"] = np.append(zero, of["zero"]).reshape(len(self.groups), -1)
+        of["cell"] = np.append(of["cell"], of["curve"]).reshape(len(CELL + CURVE), -1)
+        of["pad"] = of["pad"].reshape(-1, len(PAD_STEPS))
+        self.entries = of
 
     def with_readings(self, readings: FloatArray, stds: FloatArray | None = None) -> ReadingsModel:
         """Return the model of the same loads with other readings (n_cases, n_d) [m/m]; solved parts are shared.
@@ -296,23 +307,18 @@ class ReadingsModel:
     @property
     def is_zero(self) -> BoolArray:
         """(n,) whether an entry of the vector is a zero of the recorder, or its drift."""
-        is_zero, of_zeros = np.zeros(len(self.std), dtype=bool), slices(self.structure.counts)[ZERO]
-        is_zero[of_zeros] = is_zero[self.drift_entries] = True
-        is_zero[self.n_built : self.n_built + (len(self.groups) - 1) * self.structure.n_gauges] = True
+        is_zero = np.zeros(len(self.std), dtype=bool)
+        is_zero[self.entries["zero"]] = is_zero[self.entries[DRIFT]] = True
         return is_zero
 
     @cached_property
     def gauge_of(self) -> IntArray:
         """(n,) the gauge whose readings alone depend on an entry of the vector, -1 of others."""
-        gauge_of, gauge, where = (
-            np.full(len(self.std), -1),
-            np.arange(self.structure.n_gauges),
-            slices(self.structure.counts),
-        )
-        zeros = self.n_built + len(gauge) * np.arange(len(self.groups) - 1)
-        drift = self.drift_entries
-        for first in (*(where[kind].start for kind in GAUGE_KINDS), *zeros, drift.start, drift.stop):
-            gauge_of[first + gauge] = gauge
+        gauge_of, where = np.full(len(self.std), -1), slices(self.structure.counts)
+        for kind in GAUGE_KINDS:
+            gauge_of[where[kind]] = np.arange(self.structure.n_gauges)
+        for entries in (*self.entries["zero"], self.entries[DRIFT], self.entries[HYSTERESIS]):
+            gauge_of[entries] = np.arange(self.structure.n_gauges)
         return gauge_of
 
     def misfit(
@@ -325,7 +331,7 @@ class ReadingsModel:
         )
         steps = self._steps(used)
         return np.concatenate(
-            [residual, (steps.value - self._step_slopes(steps) @ vector[self._of_cells]) / steps.std]
+            [residual, (steps.value - self._step_slopes(steps) @ vector[self.entries["cell"].ravel()]) / steps.std]
         )
 
     def slopes(self, used: BoolArray, jacobian: csr_array, noise: FloatArray | None = None) -> csr_array:
@@ -333,7 +339,7 @@ class ReadingsModel:
         steps, noise = self._steps(used), self.test.reading_stds[used] if noise is None else noise
         readings = scaled_columns(jacobian[np.flatnonzero(used)], np.ones(len(self.std)), 1.0 / noise)
         of_steps = np.zeros((len(steps.value), len(self.std)))
-        of_steps[:, self._of_cells] = self._step_slopes(steps) / steps.std[:, None]
+        of_steps[:, self.entries["cell"].ravel()] = self._step_slopes(steps) / steps.std[:, None]
         return vstack([readings, csr_array(of_steps)]).tocsr()
 
     def linear(
@@ -363,62 +369,17 @@ class ReadingsModel:
 
     def errors(self, vector: FloatArray) -> StatedErrors:
         """Return the test's part of a vector."""
-        n_d, n_l, n_g = self.structure.n_gauges, len(self.loads), len(self.groups)
-        rest = vector[self.n_built :]
-        cells = len(CELL) * len(self.cells)
-        sizes = [(n_g - 1) * n_d, n_l, cells, n_l * len(PAD_STEPS), len(DIRECTIONS), 2, cells, n_d, n_d]
-        more, scale, _, pad, turn, rig, _, drift, each_left, all_hysteresis = np.split(rest, np.cumsum(sizes))
-        zero, pads = self.built(vector).zero, pad.reshape(n_l, len(PAD_STEPS)).copy()
-        pads[:, -2:] += self._turns @ turn
+        of = {what: vector[entries] for what, entries in self.entries.items()}
+        of["pad"][:, -2:] += self._turns @ of["direction"]
         return StatedErrors(
-            zero=np.vstack([zero, more.reshape(-1, n_d)]),
-            scale=scale + self._on_cell @ vector[self._of_cells],
-            pad=pads,
-            rig=float(rig[0]),
-            size=float(rig[1]),
-            drift=drift,
-            hysteresis=all_hysteresis + each_left,
+            zero=of["zero"],
+            scale=of["load"] + self._on_cell @ of["cell"].ravel(),
+            pad=of["pad"],
+            rig=float(of["rig"][0]),
+            size=float(of["size"][0]),
+            drift=of[DRIFT],
+            hysteresis=of["hysteresis of all"] + of[HYSTERESIS],
         )
-
-    @property
-    def cell_entries(self) -> slice:
-        """Where gains, then offsets, of the load cells stand in the vector."""
-        first = self.n_built + (len(self.groups) - 1) * self.structure.n_gauges + len(self.loads)
-        return slice(first, first + len(CELL) * len(self.cells))
-
-    @property
-    def own_entries(self) -> IntArray:
-        """(n_loads,) where the own error of every load stands in the vector."""
-        return self.cell_entries.start - np.arange(len(self.loads), 0, -1)
-
-    @property
-    def load_entries(self) -> IntArray:
-        """(n,) where the own error, place, roll, shape and direction of every load stand in the vector."""
-        return np.r_[self.own_entries, self.cell_entries.stop : self.common_entries.start].astype(np.int64)
-
-    @property
-    def common_entries(self) -> slice:
-        """Where direction, rig and size of all loads, curves of load cells, drift and hysteresis stand in the
-        vector."""
-        first = self.cell_entries.stop + len(PAD_STEPS) * len(self.loads)
-        return slice(first, self.drift_entries.stop + self.structure.n_gauges + 1)
-
-    @property
-    def rig_entry(self) -> int:
-        """Where the mass of the rig stands in the vector; the size of all pads follows."""
-        return self.cell_entries.stop + len(PAD_STEPS) * len(self.loads) + len(DIRECTIONS)
-
-    @property
-    def _of_cells(self) -> IntArray:
-        """Where :data:`CELL` and :data:`CURVE` of the load cells stand in the vector."""
-        curves = self.rig_entry + 2 + np.arange(len(CURVE) * len(self.cells))
-        return np.r_[self.cell_entries, curves].astype(np.int64)
-
-    @property
-    def drift_entries(self) -> slice:
-        """Where the drift of every gauge stands in the vector; its hysteresis follows."""
-        first = self.rig_entry + 2 + len(CURVE) * len(self.cells)
-        return slice(first, first + self.structure.n_gauges)
 
     def load_strains(self, as_built: AsBuilt) -> FloatArray:
         """Return (n_loads, n_d) readings of every load as stated, without zeros [m/m]."""
@@ -441,7 +402,8 @@ class ReadingsModel:
 
     def _weighs_rig(self, vector: FloatArray) -> bool:
         """Whether the mass of the rig is, or may be, another one than zero."""
-        return bool(self.std[self.rig_entry] > 0.0 or vector[self.rig_entry] != 0.0)
+        (rig,) = self.entries["rig"]
+        return bool(self.std[rig] > 0.0 or vector[rig] != 0.0)
 
     def _rig_strains(self, as_built: AsBuilt, exact: bool) -> FloatArray:
         """Return (n_cases, n_d) what a rig of 1 kg strains in each case; on the wall of the drawing if not
@@ -476,10 +438,10 @@ class ReadingsModel:
             cached = self._kept[place] = _Kept(vector.copy(), *self._slopes(vector))
         unknown = np.ones(len(self.std))
         for key in set(derivative_keys(self.structure.counts)) - set(uncertain_keys(self.prior)):
-            unknown[self._entries(key)] = 0.0
+            unknown[self._of_key(key)] = 0.0
         return cached.readings, scaled_columns(cached.jacobian, unknown)
 
-    def _entries(self, key: Key) -> slice:
+    def _of_key(self, key: Key) -> slice:
         """Return where the parameters of a key stand in the vector."""
         place = slices(self.structure.counts)[key[0]]
         return place if of_gauges(key) else slice(place.start + key[1], place.start + key[1] + 1)
@@ -496,19 +458,18 @@ class ReadingsModel:
                 slopes.rows, where[key[0]].start + numbers, self._summed((1.0 + errors.scale)[:, None] * value.T)
             )
         for rows, group in zip(slopes.rows, self.group_of_case.tolist(), strict=True):
-            first = where[ZERO].start if group == 0 else self.n_built + (group - 1) * n_d
-            slopes.add(rows, first + gauge, 1.0)
+            slopes.add(rows, self.entries["zero"][group], 1.0)
         pads = [columns.copy() for columns in self._pads.columns]
         for columns, numbers, tilt in zip(pads, strain, errors.pad[:, -2:], strict=True):
             columns[-2:] -= np.outer(tilt, numbers)
         self._load_derivatives(slopes, strain, pads)
         rig = self._rig_strains(as_built, self._weighs_rig(vector))
         readings = self._joined(strain, errors, rig)
-        slopes.add(slopes.rows, self.rig_entry, rig)
-        slopes.add(slopes.rows, self.rig_entry + 1, self._summed(self._pads.sizes))
-        slopes.add(slopes.rows, self.drift_entries.start + gauge, self.time[:, None])
+        slopes.add(slopes.rows, self.entries["rig"], rig)
+        slopes.add(slopes.rows, self.entries["size"], self._summed(self._pads.sizes))
+        slopes.add(slopes.rows, self.entries[DRIFT], self.time[:, None])
         before = (readings - self._zeros(errors))[:-1]
-        for entries in (self.drift_entries.stop + gauge, self.common_entries.stop - 1):
+        for entries in (self.entries[HYSTERESIS], self.entries["hysteresis of all"]):
             slopes.add(slopes.rows[1:], entries, before)
         return readings, slopes.joined()
 
@@ -519,9 +480,9 @@ class ReadingsModel:
         keys = [(kind, k) for kind in HELD_KINDS for k in regions if (kind, k) not in known]
         std = self.std.copy()
         for key in keys:
-            std[self._entries(key)] = 1.0
+            std[self._of_key(key)] = 1.0
         slopes, shape = self.with_std(std).jacobian(vector)[1].tocsc(), self.test.readings.shape
-        return {key: slopes[:, [self._entries(key).start]].toarray().reshape(shape) for key in keys}
+        return {key: slopes[:, [self._of_key(key).start]].toarray().reshape(shape) for key in keys}
 
     def _joined(self, strain: FloatArray, errors: StatedErrors, rig: FloatArray) -> FloatArray:
         pads = self._pads
@@ -544,13 +505,13 @@ class ReadingsModel:
 
     def _load_derivatives(self, slopes: _Derivatives, strain: FloatArray, pads: list[FloatArray]) -> None:
         """Add the derivatives by the errors of every load, and of their cells and direction in common."""
-        own, turn, n_p = self.own_entries, self.common_entries.start, len(PAD_STEPS)
+        of = self.entries
         for number, (case, _) in enumerate(self.loads):
-            rows, pad = slopes.rows[case][:, None], self.cell_entries.stop + n_p * number + np.arange(n_p)
-            slopes.add(rows, own[number], strain[number][:, None])
-            slopes.add(rows, self._of_cells, np.outer(strain[number], self._on_cell[number]))
-            slopes.add(rows, pad, pads[number].T)
-            slopes.add(rows, turn + np.arange(len(DIRECTIONS)), pads[number][-2:].T @ self._turns[number])
+            rows = slopes.rows[case][:, None]
+            slopes.add(rows, of["load"][number], strain[number][:, None])
+            slopes.add(rows, of["cell"].ravel(), np.outer(strain[number], self._on_cell[number]))
+            slopes.add(rows, of["pad"][number], pads[number].T)
+            slopes.add(rows, of["direction"], pads[number][-2:].T @ self._turns[number])
 
     def _load_cells(self) -> FloatArray:
         """Return (n_loads, 4 n_cells) relative change of every load by each error of every cell."""
@@ -643,32 +604,38 @@ class ReadingsModel:
         point, spread = strain_of([load, pad])
         return np.asarray(spread - point)
 
-    def _extra_names(self) -> list[str]:
-        gauges = self.structure.gauges.names
-        names = [f"zero {gauge}, zeros '{group}'" for group in self.groups[1:] for gauge in gauges]
+    def _parts_of_test(self) -> dict[str, tuple[list[str], FloatArray]]:
+        """Return names and standard deviations of the entries behind the vehicle's, in their order."""
+        gauges, errors = self.structure.gauges.names, self.test.errors
         labels = [
             f"{load_kind(known.load)} {number} of {self.test.cases[case].name}"
             for number, (case, known) in enumerate(self.loads, start=1)
         ]
         cells = [""] if self.cells == ["1"] else [f" {cell}" for cell in self.cells]
-        names += [f"load {label}" for label in labels]
-        names += [f"{error}{cell}" for error in CELL for cell in cells]
-        names += [f"pad {what} {label}" for label in labels for what in PAD_STEPS]
-        names += [*(f"direction of all forces {direction}" for direction in DIRECTIONS), RIG, "size of all pads"]
-        names += [f"{error}{cell}" for error in CURVE for cell in cells]
-        return [*names, *(f"{what} {gauge}" for what in (DRIFT, HYSTERESIS) for gauge in gauges), HYSTERESIS]
-
-    def _extra_std(self) -> FloatArray:
-        errors = self.test.errors
-        zero = np.tile(self.prior.zero, len(self.groups) - 1)
-        of_loads = [known.std for _, known in self.loads]
+        stated = [errors.common, errors.cell_offset, errors.cell_curve, errors.cell_curve]
+        of_cells, of_curves = np.split(np.repeat(stated, len(self.cells)) * self._on_cell.any(axis=0), 2)
         pad = np.array([errors.pad_position, errors.pad_roll, errors.pad_shape, errors.tilt, errors.tilt])
         of_pads = [pad * columns.any(axis=1) for columns in self._pads.columns]
-        stated = [errors.common, errors.cell_offset, errors.cell_curve, errors.cell_curve]
-        cells, curves = np.split(np.repeat(stated, len(self.cells)) * self._on_cell.any(axis=0), 2)
-        n_d, mass = len(self.prior.zero), errors.rig_mass if self._hung else 0.0
-        common = np.r_[np.zeros(len(DIRECTIONS)), mass, 0.0, curves, np.full(n_d, errors.drift), np.zeros(n_d + 1)]
-        return np.concatenate([zero, of_loads, cells, *of_pads, common])
+        none, mass = np.zeros(len(gauges)), errors.rig_mass if self._hung else 0.0
+        return {
+            "zero": (
+                [f"zero {gauge}, zeros '{group}'" for group in self.groups[1:] for gauge in gauges],
+                np.tile(self.prior.zero, len(self.groups) - 1),
+            ),
+            "load": ([f"load {label}" for label in labels], np.array([known.std for _, known in self.loads])),
+            "cell": ([f"{error}{cell}" for error in CELL for cell in cells], of_cells),
+            "pad": (
+                [f"pad {what} {label}" for label in labels for what in PAD_STEPS],
+                np.array(of_pads).ravel(),
+            ),
+            "direction": ([f"direction of all forces {along}" for along in DIRECTIONS], np.zeros(len(DIRECTIONS))),
+            "rig": ([RIG], np.array([mass])),
+            "size": (["size of all pads"], np.zeros(1)),
+            "curve": ([f"{error}{cell}" for error in CURVE for cell in cells], of_curves),
+            DRIFT: ([f"{DRIFT} {gauge}" for gauge in gauges], none + errors.drift),
+            HYSTERESIS: ([f"{HYSTERESIS} {gauge}" for gauge in gauges], none),
+            "hysteresis of all": ([HYSTERESIS], np.zeros(1)),
+        }
 
 
 def _of_test(prior: AsBuilt, test: LoadTest) -> AsBuilt:

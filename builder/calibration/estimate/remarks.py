@@ -115,7 +115,7 @@ def _of_load_cells(fit: Estimate) -> list[str]:
     model, lines = fit.model, []
     curved = {cause.number for cause in model.causes if cause.kind == "load cell"}
     for k in sorted(set(range(len(model.cells))) - curved):
-        entry = model.cell_entries.start + k
+        entry = model.entries["cell"][0, k]
         size, std = float(fit.vector[entry]), float(fit.std[entry])
         if _differs(size, std):
             lines.append(

@@ -125,7 +125,7 @@ def _over_prior(parts: PlanParts, fit: Estimate) -> FloatArray:
     """
     model = fit.model
     prior = np.append(parts.as_built.prior(parts.vehicle.calibration).vector, model.test.errors.common)
-    entries = np.append(np.arange(model.n_built), model.cell_entries.start)
+    entries = np.append(np.arange(model.n_built), model.entries["cell"][0, 0])
     scale = np.divide(1.0, prior, out=np.zeros_like(prior), where=prior > 0.0)
     return np.asarray(scale[:, None] * fit.covariance[np.ix_(entries, entries)] * scale)
 

@@ -11,6 +11,7 @@ from builder.calibration.estimate.estimated_vehicle import Estimate
 from builder.calibration.estimate.ground_test_faults import load_shifts
 from builder.calibration.estimate.load_steps import SteppedCase
 from builder.calibration.estimate.outside_terms import NOISE, OutsideModel
+from builder.calibration.estimate.readings_model import CELL
 from builder.calibration.estimate.regression import LoadEquation
 from builder.calibration.plan.worth_of_test import WorthOfTest
 from builder.reports.calibration_page.verdict import Criterion, UsedCell
@@ -117,7 +118,7 @@ def identified_table(estimate: Estimate) -> Table:
         size = float(np.sqrt(np.mean(estimate.vector[parameters] ** 2)))
         rows.append([KINDS[kind].in_words, unit, scale * size, scale * prior, scale * after, identified])
     model = estimate.model
-    for number, cell in enumerate(range(model.cell_entries.start, model.cell_entries.stop)):
+    for number, cell in enumerate(model.entries["cell"][: len(CELL)].ravel()):
         of_cell = KINDS["common" if number < len(model.cells) else "cell_offset"]
         if before[cell] > 0.0:
             size, prior, after = (
