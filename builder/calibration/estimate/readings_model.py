@@ -201,7 +201,7 @@ class ReadingsModel:
     std : (n,) of the vector before the test.
     entries : where the errors of the test stand in the vector: "zero" (n_groups, n_d), "load" (n_loads,), "cell"
         (4, n_cells) by :data:`CELL` and :data:`CURVE`, "pad" (n_loads, 5) by :data:`PAD_STEPS`, "direction" (2,)
-        of all forces, "rig" and "size" of all pads (1,), "drift" and "hysteresis" (n_d,), "hysteresis of all" (1,).
+        of all forces, "rig" and "size" of all pads (1,), "drift" and "hysteresis" (n_d,), "hysteresis of all".
     causes : what the readings themselves have set free.
     time : (n_cases,) of each case in the order of the file, 0 for the first and 1 for the last.
     """
