@@ -35,8 +35,6 @@
 #include <math.h>
 #include <string.h>
 
-#define FIVE_VALUES 16 /* of a product: the 15 entries of a covariance row by row, and the trace; other variances follow */
-#define TRACE 15
 #define N_FACTORS (N_NODES * N_PAIRS)
 
 /* Half of an interval of ln s: ln 2 / 32. */
@@ -54,7 +52,7 @@ double ratio_at(double number, double half_width, double t) {
 }
 
 static size_t n_values(const Scaled *scaled) {
-    return FIVE_VALUES + scaled->n_loads - N_LOADS;
+    return N_VALUES + scaled->n_loads - N_LOADS;
 }
 
 void current_errors_arrays(Scaled *scaled, Room *room) {
@@ -71,7 +69,7 @@ void current_errors_arrays(Scaled *scaled, Room *room) {
     TAKE(room, whole, &errors->unresolved, &errors->precision, &errors->product);
     errors->products = taken(room, dense_rows(N_PAIRS));
     errors->parts = taken(room, dense_columns(N_FACTORS));
-    errors->value = taken(room, dense_rows(FIVE_VALUES));
+    errors->value = taken(room, dense_rows(N_VALUES));
     errors->own = taken(room, whole);
     for (size_t k = 0; k < CACHED_INTERVALS; k++) {
         errors->interval[k].factor = taken(room, dense_rows(values) * dense_columns(N_FACTORS));
@@ -163,7 +161,7 @@ static void add_all_own(Scaled *scaled) {
         for (size_t g = 0; g < n; g++) {
             errors->product[g] = gain[g] * gain[g];
         }
-        add_own(scaled, FIVE_VALUES + k - N_LOADS);
+        add_own(scaled, N_VALUES + k - N_LOADS);
     }
 }
 
@@ -302,7 +300,7 @@ void set_products_of_coefficients(const Scaled *scaled, double *products) {
 }
 
 /* The products, of the loads of the step as they are without these errors, and times Lagrange's polynomials. */
-void current_errors_set_parts(Scaled *scaled) {
+static void set_parts(Scaled *scaled) {
     CurrentErrors *errors = &scaled->errors;
     const Interval *interval = scaled->step.interval;
     const double middle = 0.5 * (interval->below + interval->above), half = 0.5 * (interval->above - interval->below);
@@ -393,25 +391,19 @@ static double set_in_use(Scaled *scaled, double *covariance) {
     return trace;
 }
 
-/* cov f = base + s^2 G D G' of the gauges in use; the result is tr(P D). */
-double current_errors_add(Scaled *scaled, const double *base, double *covariance) {
-    const double square = scaled->step.ratio * scaled->step.ratio;
+const double *current_errors_values(Scaled *scaled) {
     double *value = scaled->errors.value;
-    dense_times(scaled->wide, FIVE_VALUES, N_FACTORS, scaled->step.interval->factor, scaled->errors.parts, value);
+    set_parts(scaled);
+    dense_times(scaled->wide, N_VALUES, N_FACTORS, scaled->step.interval->factor, scaled->errors.parts, value);
     if (scaled->step.n_lost > 0) {
         value[TRACE] -= set_in_use(scaled, value);
     }
-    for (size_t i = 0, v = 0; i < N_LOADS; i++) {
-        for (size_t j = i; j < N_LOADS; j++, v++) {
-            covariance[i * N_LOADS + j] = covariance[j * N_LOADS + i] = base[i * N_LOADS + j] + square * value[v];
-        }
-    }
-    return value[TRACE];
+    return value;
 }
 
 /* The variance G_j D G_j' of load j: where all gauges are in use from its row of `factor`, which lies in panels. */
 double current_errors_of_other(const Scaled *scaled, size_t j) {
-    const size_t n = scaled->map->n_gauges, row = FIVE_VALUES + j;
+    const size_t n = scaled->map->n_gauges, row = N_VALUES + j;
     const CurrentErrors *errors = &scaled->errors;
     if (scaled->step.n_lost > 0) {
         const double *gain = errors->gain + (N_LOADS + j) * dense_rows(n);

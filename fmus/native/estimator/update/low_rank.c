@@ -117,25 +117,18 @@ EVERYWHERE void solve_sample(Scaled *scaled, const double *strain) {
 
 FOR_AVX2(solve_sample, (Scaled *scaled, const double *strain), (scaled, strain))
 
-/* Errors at the current strain: to the covariance, and to the limits. */
+/* Errors at the current strain. */
 static void add_errors(Scaled *scaled) {
-    LowRank *low = &scaled->low;
-    ScaledStep *step = &scaled->step;
-    const double square = step->ratio * step->ratio, *value = low->value + N_BASE;
-    double product[N_PAIRS];
-    memcpy(step->covariance, step->base, sizeof step->covariance);
+    double product[N_PAIRS], value[N_VALUES];
     if (!scaled->map->form.has_errors) {
-        set_limit_ratio(scaled, 0.0);
+        set_current_errors(scaled, NULL);
         return;
     }
     set_products_of_coefficients(scaled, product);
-    for (size_t i = 0; i < N_LOADS; i++) {
-        for (size_t j = i; j < N_LOADS; j++, value += N_PAIRS) {
-            step->covariance[i * N_LOADS + j] += square * dot(N_PAIRS, value, product);
-            step->covariance[j * N_LOADS + i] = step->covariance[i * N_LOADS + j];
-        }
+    for (size_t v = 0; v < N_VALUES; v++) {
+        value[v] = dot(N_PAIRS, scaled->low.value + N_BASE + v * N_PAIRS, product);
     }
-    set_limit_ratio(scaled, dot(N_PAIRS, value, product));
+    set_current_errors(scaled, value);
 }
 
 void low_rank_condition(Scaled *scaled, const MaskedMap *masked, const double *strain) {

@@ -206,7 +206,7 @@ static void add_own(const Scaled *scaled, const double *precision, const double 
                 value[v * N_PAIRS + pair] += dot(n, low->sized, gain + j * n);
             }
         }
-        value[(N_VALUES - 1) * N_PAIRS + pair] += dot(n, of_gauge, precision);
+        value[TRACE * N_PAIRS + pair] += dot(n, of_gauge, precision);
     }
 }
 

@@ -254,7 +254,7 @@ EVERYWHERE void set_loads(Scaled *scaled, ScaledStep *step) {
 
 /* The ratio r of expected chi-square to its degrees of freedom, r = 1 + s^2 tr(P D) / freedom. Limits rise as
    r (1 + level_slope (r - 1)): docs/explanation/alarm_levels.md. */
-void set_limit_ratio(Scaled *scaled, double trace) {
+static void set_limit_ratio(Scaled *scaled, double trace) {
     ScaledStep *step = &scaled->step;
     const double s = step->ratio;
     const int freedom = scaled->map->degrees_of_freedom - (int)step->n_lost;
@@ -269,16 +269,19 @@ void set_limit_ratio(Scaled *scaled, double trace) {
     }
 }
 
-/* Errors in proportion to strain at the current one: s^2 G D G' to the covariance, and tr(P D) to the limits. */
-static void add_errors(Scaled *scaled, ScaledStep *step) {
-    double trace = 0.0;
-    if (scaled->map->form.has_errors) {
-        current_errors_set_parts(scaled);
-        trace = current_errors_add(scaled, step->base, step->covariance);
-    } else {
-        memcpy(step->covariance, step->base, sizeof step->covariance);
+/* Errors in proportion to strain at the current one: s^2 G D G' to the covariance, and tr(P D) to the limits; `value` (16) are
+   both, NULL without such errors. */
+void set_current_errors(Scaled *scaled, const double *value) {
+    ScaledStep *step = &scaled->step;
+    const double square = step->ratio * step->ratio;
+    memcpy(step->covariance, step->base, sizeof step->covariance);
+    for (size_t i = 0, v = 0; value != NULL && i < N_LOADS; i++) {
+        for (size_t j = i; j < N_LOADS; j++, v++) {
+            step->covariance[i * N_LOADS + j] = step->covariance[j * N_LOADS + i] =
+                step->base[i * N_LOADS + j] + square * value[v];
+        }
     }
-    set_limit_ratio(scaled, trace);
+    set_limit_ratio(scaled, value != NULL ? value[TRACE] : 0.0);
 }
 
 /* One sample. The order hides latencies: the product V r runs while the divisions of u are under way. All of it
@@ -305,7 +308,7 @@ EVERYWHERE void condition(Scaled *scaled, const MaskedMap *masked, const double 
         step->chi_square = dot(n, step->x, step->w);
     }
     set_loads(scaled, step);
-    add_errors(scaled, step);
+    set_current_errors(scaled, scaled->map->form.has_errors ? current_errors_values(scaled) : NULL);
 }
 
 FOR_AVX2(condition, (Scaled *scaled, const MaskedMap *masked, const double *strain), (scaled, masked, strain))

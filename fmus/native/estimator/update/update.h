@@ -106,7 +106,8 @@ void prepared_renewed(Prepared *prepared);
 
 /* Gauges that are lost: the others predict them, so that the directions of all gauges stay. */
 
-#define N_VALUES 16 /* the 15 entries of a covariance row by row, and a zero */
+#define N_VALUES 16 /* the 15 entries of a covariance row by row, and a zero or the trace of P D */
+#define TRACE 15
 
 /* Intervals of the pressure ratio that are kept: a factor 2 of dynamic pressure; and the points in each. */
 #define CACHED_INTERVALS 16
@@ -300,9 +301,6 @@ const Interval *current_interval(Scaled *scaled, double ratio);
    P_ii of all gauges, from which the lost ones take their part. 0 where these leave it open whether others check a gauge. */
 int current_errors_set_bound(const Scaled *scaled, const Interval *interval, size_t n_lost, double *bound);
 
-/* Set errors.products and errors.parts. */
-void current_errors_set_parts(Scaled *scaled);
-
 /* Intervals of ln s, each from -1 to 1: the number of the one that holds a ratio, and where; the ratio at a place in one. */
 double ratio_interval(double ratio, double half_width, double *t);
 double ratio_at(double number, double half_width, double t);
@@ -325,8 +323,8 @@ void current_errors_take_lost(Scaled *scaled);
    for the covariance, each twice for a < b; added to `value` (16 and other loads, 21). */
 void add_common_error(size_t loads, const double *load, const double *square, double *value);
 
-/* The covariance (5, 5) of the loads, with them added to `base`; the trace of P D at a ratio of 1. */
-double current_errors_add(Scaled *scaled, const double *base, double *covariance);
+/* G D G' of the five loads (15) and the trace of P D, by the gauges in use. */
+const double *current_errors_values(Scaled *scaled);
 
 /* What they add to the variance of other load j. */
 double current_errors_of_other(const Scaled *scaled, size_t j);
@@ -352,9 +350,10 @@ double low_rank_information(Scaled *scaled, const MaskedMap *masked);
 void low_rank_set_precisions(Scaled *scaled, const MaskedMap *masked);
 int low_rank_correlated(const Scaled *scaled, size_t i, size_t j);
 
-/* Products c_a c_b (21) of the coefficients of the step less their mean; the limits by tr(P D) at a ratio of 1. */
+/* Products c_a c_b (21) of the coefficients of the step less their mean; the covariance and the limits of the step, by
+   current_errors_values, NULL without errors in proportion to strain. */
 void set_products_of_coefficients(const Scaled *scaled, double *products);
-void set_limit_ratio(Scaled *scaled, double trace);
+void set_current_errors(Scaled *scaled, const double *value);
 
 /* Condition the loads on the strains (n_gauges) of the gauges in use, which identify the state, at a dynamic pressure [Pa]:
    scaled->step. */
