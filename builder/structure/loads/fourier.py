@@ -264,9 +264,9 @@ class FourierStructure:
     def _scattered(self, family: FloatArray, shape: csr_array) -> FloatArray:
         """Return nodal forces of amplitudes (2, n_m, n, 3) at points whose node weights are (n, n_nodes)."""
         n_m, n = family.shape[1:3]
-        nodal = shape.T @ family.transpose(2, 0, 1, 3).reshape(n, 6 * n_m)
         integral = np.array([roll_integral(m) for m in range(n_m)])[:, None, None]
-        return np.asarray(nodal.reshape(-1, 2, n_m, 3).transpose(1, 2, 0, 3) / integral)
+        nodal = shape.T @ (family / integral).transpose(2, 0, 1, 3).reshape(n, 6 * n_m)
+        return np.asarray(nodal.reshape(-1, 2, n_m, 3).transpose(1, 2, 0, 3))
 
 
 def fourier_structure(
