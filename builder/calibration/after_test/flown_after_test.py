@@ -107,7 +107,8 @@ def allowed_flights(
         change=strain[:, 0],
         by_gauge=strain[:, 1:first_common],
         by_all=strain[:, first_common:],
-        factor=vector[np.concatenate(rows)] * np.sqrt(np.maximum(value, 0.0)),
+        # The symmetric root: columns of eigenvectors alone have free signs, and round-off would draw other vehicles.
+        factor=vector[np.concatenate(rows)] * np.sqrt(np.maximum(value, 0.0)) @ vector.T,
     )
 
 
