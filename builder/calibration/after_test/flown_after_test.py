@@ -107,7 +107,7 @@ def allowed_flights(
         change=strain[:, 0],
         by_gauge=strain[:, 1:first_common],
         by_all=strain[:, first_common:],
-        # The symmetric root: columns of eigenvectors alone have free signs, and round-off would draw other vehicles.
+        # The symmetric root: eigenvectors alone have free signs, by which round-off would draw other vehicles.
         factor=vector[np.concatenate(rows)] * np.sqrt(np.maximum(value, 0.0)) @ vector.T,
     )
 
