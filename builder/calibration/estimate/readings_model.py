@@ -240,7 +240,7 @@ class ReadingsModel:
         ends = self.n_built + np.cumsum([len(std) for _, std in parts.values()])
         of = {what: np.arange(end - len(parts[what][1]), end) for what, end in zip(parts, ends, strict=True)}
         zero = np.arange(self.n_built)[slices(structure.counts)[ZERO]]
-        of["zero"] = np.append(zero, of["zero"]).reshape(len(self.groups), -1)
+        of[ZERO] = np.append(zero, of[ZERO]).reshape(len(self.groups), -1)
         of["cell"] = np.append(of["cell"], of["curve"]).reshape(len(CELL + CURVE), -1)
         of["pad"] = of["pad"].reshape(-1, len(PAD_STEPS))
         self.entries = of
@@ -308,7 +308,7 @@ class ReadingsModel:
     def is_zero(self) -> BoolArray:
         """(n,) whether an entry of the vector is a zero of the recorder, or its drift."""
         is_zero = np.zeros(len(self.std), dtype=bool)
-        is_zero[self.entries["zero"]] = is_zero[self.entries[DRIFT]] = True
+        is_zero[self.entries[ZERO]] = is_zero[self.entries[DRIFT]] = True
         return is_zero
 
     @cached_property
@@ -317,7 +317,7 @@ class ReadingsModel:
         gauge_of, where = np.full(len(self.std), -1), slices(self.structure.counts)
         for kind in GAUGE_KINDS:
             gauge_of[where[kind]] = np.arange(self.structure.n_gauges)
-        for entries in (*self.entries["zero"], self.entries[DRIFT], self.entries[HYSTERESIS]):
+        for entries in (*self.entries[ZERO], self.entries[DRIFT], self.entries[HYSTERESIS]):
             gauge_of[entries] = np.arange(self.structure.n_gauges)
         return gauge_of
 
@@ -372,7 +372,7 @@ class ReadingsModel:
         of = {what: vector[entries] for what, entries in self.entries.items()}
         of["pad"][:, -2:] += self._turns @ of["direction"]
         return StatedErrors(
-            zero=of["zero"],
+            zero=of[ZERO],
             scale=of["load"] + self._on_cell @ of["cell"].ravel(),
             pad=of["pad"],
             rig=float(of["rig"][0]),
@@ -458,7 +458,7 @@ class ReadingsModel:
                 slopes.rows, where[key[0]].start + numbers, self._summed((1.0 + errors.scale)[:, None] * value.T)
             )
         for rows, group in zip(slopes.rows, self.group_of_case.tolist(), strict=True):
-            slopes.add(rows, self.entries["zero"][group], 1.0)
+            slopes.add(rows, self.entries[ZERO][group], 1.0)
         pads = [columns.copy() for columns in self._pads.columns]
         for columns, numbers, tilt in zip(pads, strain, errors.pad[:, -2:], strict=True):
             columns[-2:] -= np.outer(tilt, numbers)
@@ -618,7 +618,7 @@ class ReadingsModel:
         of_pads = [pad * columns.any(axis=1) for columns in self._pads.columns]
         none, mass = np.zeros(len(gauges)), errors.rig_mass if self._hung else 0.0
         return {
-            "zero": (
+            ZERO: (
                 [f"zero {gauge}, zeros '{group}'" for group in self.groups[1:] for gauge in gauges],
                 np.tile(self.prior.zero, len(self.groups) - 1),
             ),

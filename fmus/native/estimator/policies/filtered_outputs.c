@@ -22,7 +22,7 @@ static size_t n_loads(const Flight *flight) {
 
 /* Channels of load k and of its coefficient. */
 static size_t load_channel(const Flight *flight, size_t k) {
-    return k < N_LOADS ? LOAD_CHANNELS + k : STATE_CHANNELS + (flight->present ? N_STATES : 0) + k - N_LOADS;
+    return k < N_LOADS ? LOAD_CHANNELS + k : STATE_CHANNELS + (flight->present ? (size_t)N_STATES : 0) + k - N_LOADS;
 }
 
 static size_t coefficient_channel(const Flight *flight, size_t k) {
