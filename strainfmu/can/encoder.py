@@ -77,10 +77,7 @@ class StrainEncoder:
             np.array([float(s.initial or 0) * s.scale + s.offset for s in frame.layout.signals])
             for frame in layout.frames
         ]
-        self._strains = [
-            (np.array(frame.indices, dtype=int), np.array(frame.gauges, dtype=int), np.array(frame.to_strain))
-            for frame in layout.frames
-        ]
+        self._strains = [[np.array(part) for part in (f.indices, f.gauges, f.to_strain)] for f in layout.frames]
         self._first_of_flow = len(layout.strain_frames) + (layout.trailer is not None)
         quantities = [{signal.quantity for signal in frame.flow} for frame in layout.flow_frames]
         self._sent = [DYNAMIC_PRESSURE in of_frame for of_frame in quantities]

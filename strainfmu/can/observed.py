@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -60,19 +60,16 @@ class ObservedBridge:
     def close_recording(self) -> None:
         """Close the recording with what a replay must know of the run; further calls do nothing."""
         if self.recorder is not None:
-            bridge = self.bridge
-            self.recorder.close(bridge.listener.known, bridge.machine.stalls, bridge.skips)
+            self.recorder.close(self.bridge.listener.known, self.bridge.machine.stalls, self.bridge.skips)
 
     def notes(self) -> list[str]:
         """Close the recording and return a line on each watcher."""
         lines = []
         self.close_recording()
-        if self.recorder is not None:
-            lines.append(
-                f"{self.recorder.path}: {self.recorder.recorded} frames recorded, {self.recorder.lost} lost"
-            )
-            if self.recorder.failure:
-                lines.append(f"{self.recorder.path}: recording ended early: {self.recorder.failure}")
+        if (recorder := self.recorder) is not None:
+            lines.append(f"{recorder.path}: {recorder.recorded} frames recorded, {recorder.lost} lost")
+            if recorder.failure:
+                lines.append(f"{recorder.path}: recording ended early: {recorder.failure}")
         if self.freshness is not None and self.freshness.failure_text:
             lines.append(self.freshness.failure_text)
         if self.zeros is not None:
@@ -122,15 +119,12 @@ def observed_bridge(
 
     address = _page_address(publish, publish_rate, publish_field)
     positions = () if address is None else gauge_positions(fmu)
-    names = tuple(position.name for position in positions)
-    field = None if publish_field is None else field_messages(publish_field, names)
+    field = None if publish_field is None else field_messages(publish_field, tuple(p.name for p in positions))
     on_result = [] if also is None else [also]
-    of_zeros = [
-        listener for listener in (on_zeros, None if field is None else field.set_zeros) if listener is not None
-    ]
+    of_zeros = on_zeros, None if field is None else field.set_zeros
 
     def use_zeros(zeros: GaugeZeros) -> None:
-        for watcher in of_zeros:
+        for watcher in filter(None, of_zeros):
             watcher(zeros)
 
     def pass_on(result: Result) -> None:
@@ -140,8 +134,7 @@ def observed_bridge(
     with ExitStack() as stack:
         recorder = None
         if record is not None:
-            recorder = Recorder(record, clock or MicrosecondClock())
-            stack.callback(recorder.close)
+            recorder = stack.enter_context(closing(Recorder(record, clock or MicrosecondClock())))
         taps = Taps(
             clock=(clock or time.monotonic) if recorder is None else recorder.clock,
             queue=None if recorder is None else recorder.queue,
@@ -166,8 +159,8 @@ def observed_bridge(
             taring.on_end = zeros.ended
         bridge, machine = Bridge(listener, lambda: open_bus(bus), options.max_age), listener.machine
         if recorder is not None:
-            first = int(machine.plan.record["first_result"][0])
             reached = None if freshness is None else freshness.start
+            first = int(machine.plan.record["first_result"][0])
             recorder.describe(fmu, options, machine.start, first, freshness=reached)
         publisher = None
         if address is not None:
@@ -181,8 +174,7 @@ def observed_bridge(
                 field=field,
                 token=publish_token,
             )
-            on_result.append(publisher.result)
-            stack.callback(publisher.close)
+            on_result.append(stack.enter_context(closing(publisher)).result)
         observed = ObservedBridge(
             bridge=bridge,
             freshness=freshness,
@@ -197,13 +189,11 @@ def observed_bridge(
 
 def _page_address(publish: str | None, rate: float, field: Path | None) -> tuple[str, int] | None:
     """Return where results go, None for nowhere; refuse entries of the section [page] that cannot be."""
-    if publish is None:
-        if field is not None:
-            raise InputError("page.field: expected with page.publish, got it alone")
-        return None
-    if not 0.0 < rate <= 10_000.0:
+    if publish is None and field is not None:
+        raise InputError("page.field: expected with page.publish, got it alone")
+    if publish is not None and not 0.0 < rate <= 10_000.0:
         raise InputError(f"page.rate_hz: expected more than 0 and at most 10,000 Hz, got {rate:g}")
-    return parsed_address(publish, "page.publish")
+    return None if publish is None else parsed_address(publish, "page.publish")
 
 
 def _start_lines(options: BridgeOptions, is_protected: bool, freshness: FreshnessKeeper | None) -> tuple[str, ...]:
