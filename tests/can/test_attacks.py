@@ -168,6 +168,15 @@ def test_a_recording_that_seems_to_go_on_names_results_of_before() -> None:
     assert found.beyond == []
 
 
+def test_strains_whose_state_is_of_the_run_before_are_not_used() -> None:
+    """Its start goes on from the new run's, and the result of a silence comes between state and strains."""
+    acts = [Act("restart behind a pause", 90, 117, 0.7777), Act("same stimulus again", 93, 98, 0.8024944107105458)]
+    found = run_scenario("fd64", 66_000_096, acts)
+    assert_nothing_false(found)
+    assert found.beyond == []
+    assert found.n_valid > 200
+
+
 def test_of_results_that_look_alike_the_oldest_is_named() -> None:
     """`Verdict` of classic-le counts to 15: a recording of this run names results of both times."""
     found = run_scenario("classic-le", 61_310_467, [Act("same stimulus again", 60, 97, 0.681)])

@@ -239,7 +239,7 @@ typedef struct {
     int64_t seen_ticks;
     double session_heard, alarm_length, alarm_heard, alarm_until, bridge_until, seen_at;
     SbClock clock, proven;
-    int32_t n_answers, request, n_results, padding_3;
+    int32_t n_answers, request, n_results, hears_old; /* the last state that came is of an older session */
     uint32_t noted, padding;
     SbAnswer answer[SB_ANSWERS];
     /* arrival and readings */

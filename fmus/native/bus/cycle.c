@@ -408,7 +408,7 @@ void close_cycle(const SbPlan *p, SbState *s, double now) {
     causes |= find_flow(p, s, ticks, now);
     r->age += r->held;
     r->stated_pressure = stated_pressure(p, s, now);
-    causes |= s->is_unproven || s->n_late > p->recovery ? SB_RESTART : 0;
+    causes |= s->is_unproven || s->hears_old || s->n_late > p->recovery ? SB_RESTART : 0;
     causes |= s->period_is_wrong ? SB_PERIOD : 0;
     r->causes = causes | causes_of_others(s, now);
     settle_frames(p, s, why);

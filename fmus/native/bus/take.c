@@ -210,7 +210,8 @@ int session_is_new(const SbPlan *p, SbState *s, int session, double time) {
     const int ahead = (session - s->session) & 0xFFFF;
     if (s->has_session && ahead) {
         if (ahead >= 0x8000 && (!p->accepts || time - s->session_heard < SESSION_PATIENCE * p->cycle)) {
-            s->noted |= SB_RESTART; /* a recording of before, or a sender whose number does not rise */
+            s->hears_old = 1; /* a recording of before, or a sender whose number does not rise */
+            s->noted |= SB_RESTART;
             return 0;
         }
         forget_sender(p, s);
@@ -219,13 +220,14 @@ int session_is_new(const SbPlan *p, SbState *s, int session, double time) {
     }
     s->session = session;
     s->has_session = 1;
+    s->hears_old = 0;
     s->session_heard = time;
     return 1;
 }
 
 void sb_confirm(const SbPlan *p, SbState *s) {
     SbSlotState *q = slots_of(s);
-    s->is_unproven = s->has_proven = s->n_late = s->has_session = s->has_seen = 0;
+    s->is_unproven = s->hears_old = s->has_proven = s->n_late = s->has_session = s->has_seen = 0;
     s->clock.is_set = s->clock.has_lower = 0;
     s->young_oldest = -INFINITY;
     s->is_confirmed = 1;
