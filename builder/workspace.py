@@ -19,7 +19,7 @@ from strainfmu.version import __version__
 MANIFEST = "manifest.json"
 MISFITS_NAMED = 3
 FILES = (".h5", ".fmu", ".csv", ".toml")
-"""Ends of names that are a file's: a folder would hardly be meant by one."""
+"""Suffixes of files of results: a folder of such a name is a mistake."""
 
 SHARED, SHARED_VARIABLE = ".strainfmu", "STRAINFMU_CACHE"
 """The cache next to a vehicle file, and the environment variable that names another folder."""

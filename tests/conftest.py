@@ -209,7 +209,7 @@ def kept_folder(
 ) -> Iterator[Path]:
     """Keep what many tests compute alike, for later runs in the cache of pytest; return the folder.
 
-    Flows of the shipped vehicle are those of a coarser grid.
+    Flows of the shipped vehicle are solved on a coarser grid.
     """
     cache = getattr(request.config, "cache", None)
     parent = folder_of_run(tmp_path_factory) if cache is None else cache.mkdir("kept")

@@ -11,7 +11,7 @@
    REFERENCE their temperature [K]; ZERO the value reference of the first zero.
 
    worst prints a line for each event that the FMU can have, each alone, and all in one step: its number, then median and
-   largest of REPEATS steps; of the deviation of a zero, which is followed over several steps, the dearest of those. The last
+   largest of REPEATS steps; of the deviation of a zero, which is followed over several steps, the largest of these. The last
    line is of STEPS steps with events at random: the number behind the last event, median, 99.99 % and largest. Ordinary steps
    lie between those that are timed. ZERO is the value reference of the first deviation of a zero, TARE that of the input of
    the tare; MACH a Mach number of the map's tables, 0 without tables.

@@ -22,7 +22,7 @@ PAD = PadForce(station=1.0, roll_angle=0.3, half_length=0.15, half_angle=0.9, fo
 
 @pytest.fixture(scope="module")
 def few_harmonics(vehicle: Vehicle) -> Vehicle:
-    """Return the vehicle with a strain operator of few harmonics: of a support each tells the same."""
+    """Return the vehicle with a strain operator of few harmonics: the support changes each of them alike."""
     coarse = COARSE.model_copy(update={"harmonics": 4})
     return vehicle.model_copy(update={"resolution": Resolutions(map=coarse, truth=coarse)})
 

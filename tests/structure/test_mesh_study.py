@@ -63,7 +63,7 @@ def snapshots(snapshot_file: Path) -> Snapshots:
 def rows(vehicle: Vehicle) -> list[StudyRow]:
     """Of maps whose sigma holds gauge noise and the truncated modes alone: hardware errors would hide the mesh.
 
-    Pressure on 40 x 36 nodes, a sixth of the shipped vehicle's: the meshes are those of the wall.
+    Pressure on 40 x 36 nodes, a sixth of the shipped vehicle's; the wall's meshes are the same.
     """
     cells = vehicle.resolution.map.model_copy(update={"surface_stations": 40, "surface_roll_angles": 36})
     resolution = vehicle.resolution.model_copy(update={"map": cells})

@@ -326,7 +326,7 @@ class BuiltStructure:
         return exactly_built(self.counts)
 
     def solve_for(self, loads: Sequence[Load]) -> None:
-        """Find the responses of ``loads`` together, where that is cheaper than one after the other."""
+        """Find the responses of ``loads`` in one solution, on structures where each alone costs more."""
 
     def load_strain(self, parameters: AsBuilt, loads: Sequence[Load]) -> FloatArray:
         """Return what every gauge reads under loads that act together, without zeros, (n_d,) [m/m]."""

@@ -1,8 +1,8 @@
 """Strain at the gauges under loads: of the wall as expected, of thinner and thicker regions, of uneven ones.
 
 Loads act on the outer surface, or on the body as a whole in the lowest harmonics (weight, inner pressure). Only
-these rows of the adjoint solutions of the expected wall are kept. What changes of the wall strain is found for the
-loads that are asked for, harmonic by harmonic.
+these rows of the adjoint solutions of the expected wall stay in memory. Strain by changes of the wall is computed
+for the loads that are asked for, harmonic by harmonic.
 """
 
 from __future__ import annotations
@@ -292,7 +292,7 @@ class WallChanges:
 
     @cached_property
     def _thicker(self) -> list[ThickerWall]:
-        """The wall that is thicker in each region, then the one that tapers there."""
+        """Walls with one thicker region each, then walls with one tapered region each."""
         pairs = thin_and_thick(self.mesh, self.wall, self.regions, THICKNESS_STEP)[: self.n_walls]
         return [ThickerWall(minus, plus, THICKNESS_STEP, self._expected) for minus, plus in pairs]
 
