@@ -13,7 +13,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from itertools import product
+from itertools import compress, product
 from math import inf, isfinite, isnan, nan
 from typing import Any
 
@@ -422,14 +422,9 @@ class Machine:
     def frames_text(self) -> str:
         """Return which of the expected frames have come, in words."""
         names = dict[int, list[str]]()
-        for frame in self.plan.frames:
-            frame_layout = frame.layout
-            names.setdefault(self._slots[frame_layout.key], []).append(
-                f"0x{frame_layout.identifier:X} {frame_layout.name}"
-            )
-        came = {
-            slot for slot, has_come in zip(self._slots.values(), self._came.tolist(), strict=False) if has_come
-        }
+        for layout in (frame.layout for frame in self.plan.frames):
+            names.setdefault(self._slots[layout.key], []).append(f"0x{layout.identifier:X} {layout.name}")
+        came = set(compress(self._slots.values(), self._came))
         heard = sum(len(frame_names) for slot, frame_names in names.items() if slot in came)
         missing = [name for slot, frame_names in names.items() if slot not in came for name in frame_names]
         return f"expected frames: {heard} heard; never heard: {', '.join(missing) or 'none'}"
@@ -507,11 +502,8 @@ class Machine:
     def status_frames(self, now: float, send_failures: int, reconnects: int) -> list[Frame]:
         """Return the frames of the bridge's status [s], and the details of the last result."""
         record, self._time.value = self.bridge.record, now
-        record["bus_state"], record["send_failures"], record["reconnects"] = (
-            self.bus_state,
-            send_failures,
-            reconnects,
-        )
+        record["bus_state"], record["send_failures"] = self.bus_state, send_failures
+        record["reconnects"] = reconnects
         return self._frames(self._compose_status, self._at_time, kinds=(OF_STATUS, OF_DETAIL))
 
     def _publish(self, results: list[Result]) -> None:

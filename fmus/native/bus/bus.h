@@ -336,6 +336,7 @@ typedef struct {
 } Echo;
 
 int64_t ticks_ahead(int64_t ticks, int64_t than, int bits);
+double seconds_ahead(int64_t ticks, int64_t than, int bits, double tick, double passed);
 uint32_t clock_date(const SbPlan *plan, SbState *state, int64_t ticks, int counter, double tick, const Echo *echo,
                     double now);
 int clock_delay(const SbPlan *plan, SbClock *clock, const SbSlot *slot, int64_t ticks, double time, double *delay);

@@ -48,9 +48,13 @@ int64_t ticks_ahead(int64_t ticks, int64_t than, int bits) {
 }
 
 /* The same in seconds of a clock that may have wrapped meanwhile: it has gone on for about as long as ours, `passed`. */
-static double time_ahead(const Sample *at, int64_t than, double passed) {
-    const double ahead = at->tick * (double)ticks_ahead(at->ticks, than, at->bits), range = at->tick * power_of_two(at->bits);
+double seconds_ahead(int64_t ticks, int64_t than, int bits, double tick, double passed) {
+    const double ahead = tick * (double)ticks_ahead(ticks, than, bits), range = tick * power_of_two(bits);
     return ahead + range * (double)whole_number((passed - ahead) / range);
+}
+
+static double time_ahead(const Sample *at, int64_t than, double passed) {
+    return seconds_ahead(at->ticks, than, at->bits, at->tick, passed);
 }
 
 /* --- the step from the cycle before ----------------------------------------------------------------------------------- */

@@ -199,8 +199,9 @@ static uint32_t find_age(const SbPlan *p, SbState *s, int64_t ticks, int counter
     return causes;
 }
 
-/* For how long no reading came of a frame that has come now, beyond a cycle [s]; all these have come now. `is_broken`: behind a
-   jump of the clock they are the first of a cycle that is young: those of before may have been a recording's. */
+/* For how long no reading came of a frame that has come now, beyond a cycle [s]; all these have come now. Of the first of a run
+   it is infinite: a sender may begin with strains of before, until they change. `is_broken`: behind a jump of the clock they are
+   the first of a cycle that is young: those of before may have been a recording's. */
 static double time_lost(const SbPlan *p, SbState *s, int64_t ticks, int is_young, int *is_broken) {
     double longest = 0.0;
     for (int i = 0; i < p->n_slots; i++) {
@@ -210,8 +211,9 @@ static double time_lost(const SbPlan *p, SbState *s, int64_t ticks, int is_young
             continue;
         }
         const int goes_on = ticks >= 0 && q->heard_ticks >= 0;
-        const double since = goes_on ? p->tick * (double)ticks_ahead(ticks, q->heard_ticks, p->bits) : s->first - q->heard;
-        const double lost = q->heard > -INFINITY ? since - p->cycle : 0.0;
+        const double passed = s->first - q->heard;
+        const double since = goes_on ? seconds_ahead(ticks, q->heard_ticks, p->bits, p->tick, passed) : passed;
+        const double lost = since - p->cycle;
         longest = lost > longest ? lost : longest;
         *is_broken |= ticks >= 0 && !goes_on;
         q->heard = s->first;
@@ -253,6 +255,7 @@ static uint32_t add_repeats(const SbPlan *p, SbState *s, double repeated, double
     } else if (r->age + r->uncertainty > p->max_age) {
         causes |= SB_AGE_UNKNOWN;
     }
+    r->uncertainty = r->uncertainty < INFINITY ? r->uncertainty : NAN;
     return causes;
 }
 

@@ -186,7 +186,7 @@ static int are_dead(const SbPlan *p, const SbState *s, double now) {
 static void unchanged_for(const SbPlan *p, const SbState *s, int64_t ticks, double *least, double *most) {
     const double since = s->first - s->changed_at;
     const int is_dated = ticks >= 0 && s->changed_ticks >= 0;
-    const double by_clock = is_dated ? p->tick * (double)ticks_ahead(ticks, s->changed_ticks, p->bits) : since;
+    const double by_clock = is_dated ? seconds_ahead(ticks, s->changed_ticks, p->bits, p->tick, since) : since;
     *least = larger(smaller(since, by_clock), 0.0);
     *most = larger(since, by_clock);
 }
