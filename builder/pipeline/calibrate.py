@@ -31,6 +31,7 @@ from builder.calibration.ground_test.ground_test_readings import read_load_test
 from builder.calibration.ground_test.load_test import LoadTest
 from builder.calibration.ground_test.load_test_file import LoadTestFile, read_test_file
 from builder.calibration.ground_test.structure_of_test import prior_of_test, structure_of_test
+from builder.calibration.plan.worth_of_test import further_loads
 from builder.campaign.snapshot_fit import as_flown, vehicle_misfits
 from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.pipeline.calibration_report import PAGE, PDF, calibration_findings, report_files, write_report
@@ -288,7 +289,9 @@ def calibration_by(
     vehicle, structure = parts.vehicle, parts.structure
     prior = prior_of_test(vehicle, structure)
     with reporter.stage("Estimate: the vehicle as built"), _naming(test_path):
-        estimate, faults = calibrate_with_faults(ReadingsModel(structure, test, prior))
+        # One solution serves the pressure that flies, the loads of the test, and loads that the report compares.
+        ahead = further_loads(vehicle, structure, test)
+        estimate, faults = calibrate_with_faults(ReadingsModel(structure, test, prior, ahead))
         outside = outside_model(estimate)
     against = unexplained(estimate, outside, faults)
     if against and not accept:

@@ -17,6 +17,7 @@ Where readings do not fit, a :class:`Cause` sets entries of the vector free, or 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
@@ -206,7 +207,8 @@ class ReadingsModel:
     time : (n_cases,) of each case in the order of the file, 0 for the first and 1 for the last.
     """
 
-    def __init__(self, structure: AnyAsBuilt, test: LoadTest, prior: AsBuilt) -> None:
+    def __init__(self, structure: AnyAsBuilt, test: LoadTest, prior: AsBuilt, ahead: Sequence[Load] = ()) -> None:
+        """``ahead`` are loads of later models of the ``structure``, which it is solved for at once."""
         self.structure, self.test, self.prior = structure, test, _of_test(prior, test)
         self.n_built = len(prior.vector)
         self.groups = list(dict.fromkeys(case.group for case in test.cases))
@@ -218,13 +220,9 @@ class ReadingsModel:
             -1, 2, len(DIRECTIONS)
         )
         self.time = np.linspace(0.0, 1.0, len(test.cases))
-        self._hung = [
-            (k, hanging(known.load, test.cases[k], 1.0))
-            for k, known in self.loads
-            if isinstance(known.load, PLACED)
-        ]
+        self._hung = _hung_loads(test)
         try:
-            structure.solve_for([*(known.load for _, known in self.loads), *(load for _, load in self._hung)])
+            structure.solve_for([*solved_loads(test), *ahead])
         except InputError:
             for case, known in self.loads:
                 self._refuse_unfit(test.cases[case].name, known.load)
@@ -636,6 +634,21 @@ class ReadingsModel:
             HYSTERESIS: ([f"{HYSTERESIS} {gauge}" for gauge in gauges], none),
             "hysteresis of all": ([HYSTERESIS], np.zeros(1)),
         }
+
+
+def _hung_loads(test: LoadTest) -> list[tuple[int, Load]]:
+    """Return what 1 kg of rig makes of every pad and point, each with the number of its case."""
+    return [
+        (k, hanging(known.load, case, 1.0))
+        for k, case in enumerate(test.cases)
+        for known in case.loads
+        if isinstance(known.load, PLACED)
+    ]
+
+
+def solved_loads(test: LoadTest) -> list[Load]:
+    """Return the loads that a structure is solved for by a model of ``test``."""
+    return [known.load for case in test.cases for known in case.loads] + [load for _, load in _hung_loads(test)]
 
 
 def _of_test(prior: AsBuilt, test: LoadTest) -> AsBuilt:

@@ -279,17 +279,9 @@ def case_sensitivities(
     parts: PlanParts, cases: Sequence[PlannedCase], errors: LoadErrors, noise_std: FloatArray
 ) -> list[CaseSensitivity]:
     """Return what cases would determine; the last parameter is the error of the load cell."""
-    as_built, none = parts.as_built, np.zeros(parts.as_built.n_gauges)
-    test = LoadTest(
-        gauge_names=as_built.gauges.names,
-        cases=tuple(
-            LoadCase(name=case.name, loads=known_loads(case, errors), reading=none, reading_std=noise_std)
-            for case in _numbered(cases)
-        ),
-        errors=replace(errors, drift=0.0),  # cases have no time before they are chosen
-    )
+    as_built = parts.as_built
     prior = as_built.prior(parts.vehicle.calibration)
-    model = ReadingsModel(as_built, test, prior)
+    model = ReadingsModel(as_built, test_of_cases(as_built, cases, errors, noise_std), prior)
     _, jacobian = model.jacobian(np.zeros(len(model.std)))
     jacobian = scaled_columns(jacobian, model.std)
     cell, n_d = model.names.index("load cell"), as_built.n_gauges
@@ -305,6 +297,21 @@ def case_sensitivities(
             )
         )
     return sensitivities
+
+
+def test_of_cases(
+    as_built: AnyAsBuilt, cases: Sequence[PlannedCase], errors: LoadErrors, noise_std: FloatArray
+) -> LoadTest:
+    """Return the test of planned ``cases``, nothing read yet."""
+    none = np.zeros(as_built.n_gauges)
+    return LoadTest(
+        gauge_names=as_built.gauges.names,
+        cases=tuple(
+            LoadCase(name=case.name, loads=known_loads(case, errors), reading=none, reading_std=noise_std)
+            for case in _numbered(cases)
+        ),
+        errors=replace(errors, drift=0.0),  # cases have no time before they are chosen
+    )
 
 
 def acting_together(case: CaseSensitivity, weight: CaseSensitivity, zeros: slice) -> CaseSensitivity:

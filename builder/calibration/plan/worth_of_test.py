@@ -8,6 +8,7 @@ import numpy as np
 
 from builder.aero.load_operator import load_operator_on
 from builder.calibration.estimate.estimated_vehicle import Estimate
+from builder.calibration.estimate.readings_model import solved_loads
 from builder.calibration.estimate.regression import applied_loads
 from builder.calibration.ground_test.candidate_cases import (
     LoadLimits,
@@ -16,17 +17,21 @@ from builder.calibration.ground_test.candidate_cases import (
     candidate_cases,
 )
 from builder.calibration.ground_test.load_changes import cell_force
+from builder.calibration.ground_test.load_test import LoadTest
 from builder.calibration.plan.case_selection import Knowledge, log_product, no_knowledge
 from builder.calibration.plan.load_plan import (
     PlanParts,
     case_sensitivities,
     exactly_known_map,
     flight_sensitivity,
+    test_of_cases,
     within_limits,
 )
 from builder.inverse.ensemble import ensemble_of
 from builder.inverse.problem import on_structure
-from builder.structure.loads.applied import Weight
+from builder.structure.as_built.displaced_structure import AnyAsBuilt
+from builder.structure.loads.applied import Load, Weight
+from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.other_loads import FIVE_LOADS
 
@@ -75,9 +80,9 @@ def worth_of_test(parts: PlanParts, fit: Estimate) -> WorthOfTest:
     exact = exactly_known_map(parts)
     flight = flight_sensitivity(parts, exact)
     after = Knowledge(flight=flight, covariance=_over_prior(parts, fit))
-    cases = further_cases(parts, fit)
-    noise_std = np.median(fit.model.test.reading_stds, axis=0)
-    sensitivities = case_sensitivities(parts, cases, fit.model.test.errors, noise_std)
+    test = fit.model.test
+    cases, noise_std = further_cases(parts.vehicle, parts.as_built, test), np.median(test.reading_stds, axis=0)
+    sensitivities = case_sensitivities(parts, cases, test.errors, noise_std)
     sigmas = [after.sigmas_after(case) for case in sensitivities]
     best = int(np.argmin([log_product(sigma) for sigma in sigmas]))
     ensemble = ensemble_of(parts.vehicle, on_structure(parts.snapshots, parts.structure))
@@ -98,12 +103,17 @@ def worth_of_test(parts: PlanParts, fit: Estimate) -> WorthOfTest:
     )
 
 
-def further_cases(parts: PlanParts, fit: Estimate) -> list[PlannedCase]:
+def further_loads(vehicle: Vehicle, structure: AnyAsBuilt, test: LoadTest) -> list[Load]:
+    """Return the loads that :func:`worth_of_test` solves the ``structure`` for."""
+    cases = further_cases(vehicle, structure, test)
+    return solved_loads(test_of_cases(structure, cases, test.errors, np.zeros(structure.n_gauges)))
+
+
+def further_cases(vehicle: Vehicle, structure: AnyAsBuilt, test: LoadTest) -> list[PlannedCase]:
     """Return cases that could follow: pads with the largest force of the test, attitudes that it did not have."""
-    test = fit.model.test
     force = max((cell_force(known.load) for case in test.cases for known in case.loads), default=0.0)
     limits = LoadLimits(force=force or USUAL_FORCE, roll_angles=ROLL_ANGLES)
-    offered = candidate_cases(parts.vehicle, limits, parts.as_built.outer_span)
+    offered = candidate_cases(vehicle, limits, structure.outer_span)
     stations = sorted({float(getattr(planned.loads[0], "station", 0.0)) for planned in offered})
     chosen = {stations[k] for k in np.linspace(0, len(stations) - 1, STATIONS).round().astype(int)}
     pads = [planned for planned in offered if getattr(planned.loads[0], "station", None) in chosen]
@@ -113,9 +123,9 @@ def further_cases(parts: PlanParts, fit: Estimate) -> list[PlannedCase]:
         for known in case.loads
         if isinstance(known.load, Weight)
     }
-    attitudes = [] if parts.as_built.weightless else attitude_cases(limits)
+    attitudes = [] if structure.weightless else attitude_cases(limits)
     new = [attitude for attitude, up in zip(attitudes, limits.attitudes, strict=False) if round(up, 3) not in had]
-    return [within_limits(parts.as_built, pad, limits) for pad in pads] + new
+    return [within_limits(structure, pad, limits) for pad in pads] + new
 
 
 def _over_prior(parts: PlanParts, fit: Estimate) -> FloatArray:

@@ -111,7 +111,7 @@ class AsBuiltStructure(BuiltStructure):
     joint_stations : where the wall may be softer [m].
     at_break : (n_d,) whether a gauge is within one element of a change of slope, thickness or material. Strain has
         a kink there: its change along the meridian is taken to first order.
-    pressure : table per pressure at the stations of ``surface`` [1/Pa], which lead.
+    n_harmonics : number of harmonics of a pressure.
     in_flight : the same vehicle in free flight, where the test alone holds it; its inertia is the drawing's.
     mesh_error : (n_d, n_p) of the drawing's strain operator [1/Pa]; found when it is first asked for.
     """
@@ -122,16 +122,24 @@ class AsBuiltStructure(BuiltStructure):
     on_wall: WallGauges
     solved: AsBuilt
     states: WallStates
-    pressure: ResponseTable
+    n_harmonics: int
     joint_stations: tuple[float, ...]
     at_break: BoolArray
     _mesh_error: Callable[[], FloatArray | None]
     in_flight: AsBuiltStructure | None = None
     _responses: dict[Load, LoadResponse] = field(default_factory=dict)
+    _pressure: list[ResponseTable] = field(default_factory=list)
 
     @cached_property
     def mesh_error(self) -> FloatArray | None:
         return self._mesh_error()
+
+    @property
+    def pressure(self) -> ResponseTable:
+        """Table per pressure at the stations of ``surface`` [1/Pa], which lead."""
+        if not self._pressure:
+            self._solve([])
+        return self._pressure[0]
 
     @property
     def placed(self) -> PlacedGauges:
@@ -215,13 +223,16 @@ class AsBuiltStructure(BuiltStructure):
         return together([self.response(load) for load in loads])
 
     def solve_for(self, loads: Sequence[Load]) -> None:
-        """Find the responses of ``loads`` together: the first of them costs as much as a hundred more."""
+        """Find the responses of ``loads`` together: the first of them costs as much as a hundred more.
+
+        The first loads are solved together with the pressure that flies.
+        """
         new = [load for load in loads if load not in self._responses and not isinstance(load, ApparentStrain)]
         units = {load: _along_axes(load) for load in new if isinstance(load, Weight)}
         unsolved: list[Load] = [load for load in new if load not in units]
         unsolved += [unit for parts in units.values() for unit in parts if unit not in self._responses]
         if unsolved := list(dict.fromkeys(unsolved)):
-            self._responses.update(zip(unsolved, self._solved_responses(unsolved), strict=True))
+            self._solve(unsolved)
         for load, parts in units.items():
             of_units = [self._responses[unit] for unit in parts]
             self._responses[load] = combined(of_units, np.array(list(parts.values())))
@@ -289,17 +300,29 @@ class AsBuiltStructure(BuiltStructure):
         table = nominal_table(np.zeros((2, 1, len(self.states.nominal.outer[0]), 3)), self.n_regions)
         return LoadResponse(table=table, constant=np.asarray(load.strain, dtype=float))
 
-    def _solved_responses(self, loads: Sequence[Load]) -> list[LoadResponse]:
+    def _solve(self, loads: Sequence[Load]) -> None:
+        """Find the responses of ``loads``, and the table of the pressure where it is not found yet."""
         states, acting = self.states, [self._acting(load) for load in loads]
         forces = [force for forces_of_load in acting for force in forces_of_load]
-        changed = states.changes.strain(
-            lambda n: states.rows.of_harmonic(forces, n), 2 * len(forces), states.changes.n_m
-        )
-        responses, end = [], 0
+        flies_here = self.in_flight is None and not self._pressure
+        pressure = pressure_load(self.loaded.mesh, self.surface.x).toarray() if flies_here else None
+
+        def force(n: int) -> FloatArray:
+            of_loads = states.rows.of_harmonic(forces, n)
+            if pressure is None:
+                return of_loads
+            return np.hstack([of_loads, pressure if n < self.n_harmonics else np.zeros_like(pressure)])
+
+        n_m = states.changes.n_m if loads else self.n_harmonics
+        k = 2 * len(forces) + (0 if pressure is None else pressure.shape[1])
+        changed, end = states.changes.strain(force, k, n_m), 0
         for load, forces_of_load in zip(loads, acting, strict=True):
             start, end = end, end + 2 * len(forces_of_load)
-            responses.append(self._response_of(load, forces_of_load, changed.of_families(slice(start, end))))
-        return responses
+            of_load = changed.of_families(slice(start, end))
+            self._responses[load] = self._response_of(load, forces_of_load, of_load)
+        if pressure is not None:
+            of_pressure = changed.of_loads(slice(end, None), self.n_harmonics)
+            self._pressure.append(_pressure_table(states, pressure, self.n_harmonics, self.at_break, of_pressure))
 
     def _acting(self, load: Load) -> list[SplitForces]:
         """Return the nodal forces of ``load``; and where they change with the wall, what they change per thickness
@@ -483,6 +506,7 @@ def as_built_structure(
             with_moduli=any(
                 section.region_modulus_percent > 0.0 for section in (supported.calibration, supported.noise)
             ),
+            progress=progress,
         )
         changes = np.array(list(change_stations(body, wall)))
         near = np.abs(placed.x[:, None] - changes).min(axis=1) <= 1e-3 * mapped.element_length_mm + TOUCHES
@@ -495,7 +519,7 @@ def as_built_structure(
             ),
             solved=errors,
             states=states,
-            pressure=_pressure_table(states, grid, mapped.harmonics + 1, near, progress),
+            n_harmonics=mapped.harmonics + 1,
             at_break=near,
             joint_stations=joints,
             _mesh_error=partial(_mesh_error, supported, grid, mapped, layout),
@@ -515,10 +539,9 @@ def with_surface_of(structure: AsBuiltStructure, flown: AsBuiltStructure) -> AsB
     return replace(
         structure,
         surface=flown.surface,
-        pressure=_pressure_table(
-            structure.states, flown.surface, flown.pressure.nominal.shape[-3], structure.at_break
-        ),
+        n_harmonics=flown.n_harmonics,
         _mesh_error=flown._mesh_error,
+        _pressure=[],
     )
 
 
@@ -560,12 +583,13 @@ def _table(
 
 
 def _pressure_table(
-    states: WallStates, grid: SurfaceGrid, n_m: int, at_break: BoolArray, progress: Progress | None = None
+    states: WallStates, force: FloatArray, n_m: int, at_break: BoolArray, changed: ChangedStrain
 ) -> ResponseTable:
-    """Return the table per pressure at the stations of ``grid``, by the nodal forces on the outer surface [m2]."""
-    mesh = states.forces[0].mesh
-    force = pressure_load(mesh, grid.x).toarray()
-    load = force.reshape(len(mesh.node), 3, -1)[states.rows.outer].reshape(-1, force.shape[1])
+    """Return the table per pressure at stations, by its nodal ``force`` (n_dof, n_x) on the outer surface [m2].
+
+    ``changed`` is its strain on walls that differ.
+    """
+    load = force.reshape(-1, 3, force.shape[1])[states.rows.outer].reshape(-1, force.shape[1])
 
     def amplitudes(state: Adjoint) -> FloatArray:
         outer = state.outer[:n_m]
@@ -573,12 +597,13 @@ def _pressure_table(
         strain = outer.reshape(-1, len(load)) @ load
         return np.moveaxis(strain.reshape(*outer.shape[:-1], -1), -1, 0)
 
-    changed = states.changes.strain(lambda n: force, force.shape[1], n_m, progress)
-    return _table(
+    table = _table(
         amplitudes(states.nominal),
         (amplitudes(states.fore), amplitudes(states.aft)),
         (changed.wall, changed.wall_twice),
-        np.repeat(changed.uneven[:, None], 2, axis=1),
+        changed.uneven[:, None],
         changed.soft,
         states.station[at_break],
     )
+    frames = (table.uneven.shape[0], 2, *table.uneven.shape[2:])
+    return replace(table, uneven=np.broadcast_to(table.uneven, frames))

@@ -91,13 +91,13 @@ class ForceRows:
 
     def of_harmonic(self, forces: Sequence[SplitForces], n: int) -> FloatArray:
         """Return the nodal forces (n_dof, 2 k) of k loads in harmonic ``n``, both families of a load in turn."""
-        joined = np.zeros((2 * len(forces), 3 * self.n_nodes))
+        joined = np.zeros((len(forces), 2, 3 * self.n_nodes))
         outer = (3 * self.outer[:, None] + np.arange(3)).ravel()
-        for families, force in zip(joined.reshape(len(forces), 2, -1), forces, strict=True):
+        for families, force in zip(joined, forces, strict=True):
             families[:, outer[force.columns]] = force.outer[:, n]
             if force.within is not None and n < force.within.shape[1]:
                 families += force.within[:, n]
-        return joined.T
+        return joined.reshape(-1, 3 * self.n_nodes).T
 
     def of_outer(self, adjoint: FloatArray) -> FloatArray:
         """Return what of an ``adjoint`` (n_s, 3, n_dof) is by forces on the outer surface, (n_s, 3, 3 n_out)."""
@@ -178,14 +178,18 @@ class ChangedStrain:
     uneven: FloatArray
     soft: FloatArray
 
+    def of_loads(self, some: slice, n_m: int | None = None) -> ChangedStrain:
+        """Return the same of ``some`` of the loads, up to ``n_m`` harmonics."""
+        return ChangedStrain(**{name: value[..., some, :n_m, :, :] for name, value in vars(self).items()})
+
     def of_families(self, some: slice) -> ChangedStrain:
         """Return the same of ``some`` of the loads, which are both families of others in turn: (.., k, 2, ..)."""
-
-        def some_of(strain: FloatArray) -> FloatArray:
-            part = strain[..., some, :, :, :]
-            return part.reshape(*part.shape[:-4], part.shape[-4] // 2, 2, *part.shape[-3:])
-
-        return ChangedStrain(**{name: some_of(value) for name, value in vars(self).items()})
+        return ChangedStrain(
+            **{
+                name: part.reshape(*part.shape[:-4], part.shape[-4] // 2, 2, *part.shape[-3:])
+                for name, part in vars(self.of_loads(some)).items()
+            }
+        )
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -219,14 +223,9 @@ class WallChanges:
         """Number of compliances, softnesses and moduli that are not known."""
         return 2 + len(self.joints) + (len(self.regions) if self.with_moduli else 0)
 
-    def strain(
-        self, force: Callable[[int], FloatArray], k: int, n_m: int, progress: Progress | None = None
-    ) -> ChangedStrain:
+    def strain(self, force: Callable[[int], FloatArray], k: int, n_m: int) -> ChangedStrain:
         """Return what k loads strain, whose nodal forces in a harmonic are ``force`` (n_dof, k), up to ``n_m``
-        harmonics.
-
-        ``progress`` is called with (harmonics done, harmonics in all).
-        """
+        harmonics."""
         n_m, shape = min(n_m, self.n_changed), (len(self.x), 3)
         strain = ChangedStrain(
             wall=np.zeros((self.n_walls, k, n_m, *shape)),
@@ -237,8 +236,6 @@ class WallChanges:
         with one_thread_of_blas():
             for n in range(n_m):
                 self._add_strain(strain, force(n), n)
-                if progress is not None:
-                    progress(n + 1, n_m)
         self._expected.forget(self.n_m)
         return strain
 
@@ -359,6 +356,7 @@ def wall_states(
     with_regions: bool = True,
     with_moduli: bool = False,
     joints: Sequence[float] = (),
+    progress: Progress | None = None,
 ) -> WallStates:
     """Solve the wall as expected for the strains at the gauges, and prepare what may differ of it.
 
@@ -375,6 +373,7 @@ def wall_states(
     with_regions : whether thickness and taper by regions are not known.
     with_moduli : whether Young's modulus by regions is not known.
     joints : stations at which the wall may be softer [m].
+    progress : called with (harmonics done, harmonics in all).
     """
     rows = ForceRows(outer=np.unique(line_nodes(mesh.outer_edge)), n_nodes=len(mesh.node))
     n_m = max_harmonic + 1
@@ -391,6 +390,8 @@ def wall_states(
         outer[n] = rows.of_outer(adjoint)
         if n < len(low):
             low[n] = adjoint
+        if progress is not None:
+            progress(n + 1, n_m)
     unchanged = Adjoint(outer=outer, low=low)
     pairs = thin_and_thick(mesh, wall, regions, WALL_STEP)
     bare = [
