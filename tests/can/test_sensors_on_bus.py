@@ -1,4 +1,7 @@
-"""Auxiliary sensors on the bus, by a mapping and by every profile: what Python estimates of the same readings."""
+"""Auxiliary sensors on the bus, by a mapping and by every profile: what Python estimates of the same readings.
+
+Maps that a mapping is for have temperature sensors too.
+"""
 
 from __future__ import annotations
 
@@ -17,6 +20,7 @@ from flight_fmu import whole_map
 from flight_maps import exact_response
 from scaled_maps import NOMINAL, whole_scaled_map
 from sensor_maps import ROWS, with_sensors
+from thermal_maps import REFERENCE, with_temperature
 
 from strainfmu.can.dbc_files import database_of
 from strainfmu.can.dbc_mapping import mapped_layout
@@ -40,7 +44,7 @@ from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import InverseMap, save_inverse_map
 from strainfmu.files import write_bytes_atomically
 from strainfmu.fmu.export import ExportOptions, export_estimator
-from strainfmu.interface.sensor_variables import THRUST, reading_units, sensor_names
+from strainfmu.interface.sensor_variables import THRUST, reading_units, sensor_names, temperature_names
 
 pytestmark = pytest.mark.fast
 
@@ -157,7 +161,7 @@ def held_map(kind: str) -> InverseMap:
 
 
 def samples_of(held: InverseMap, count: int) -> list[FlownSample]:
-    """Readings that move, of which the first sensors, or thrust, are lost in some cycles."""
+    """Readings that move, of which the first sensors and temperatures, or thrust, are lost in some cycles."""
     random, n, found = np.random.default_rng(1), held.n_strain_gauges, []
     names, scale = sensor_names(held), held.sensors.scale
     for k in range(count):
@@ -169,6 +173,9 @@ def samples_of(held: InverseMap, count: int) -> list[FlownSample]:
         read = row * scale + np.nan_to_num(thrust) * held.sensors.thrust_response
         read[n : n + k % 3] = nan
         readings = dict(zip(names, read[n:].tolist(), strict=True)) | {THRUST: thrust}
+        warm = REFERENCE + 0.5 * random.normal(size=held.thermal.n_sensors)
+        warm[: k % 4] = nan
+        readings |= dict(zip(temperature_names(held.thermal), warm.tolist(), strict=True))
         pressure = NOMINAL if held.manifold is None else 0.7 * 5500.0 * 36.0
         found.append(FlownSample(read[:n], pressure, np.full(5, nan), readings=readings))
     return found
@@ -178,12 +185,15 @@ def expected_of(held: InverseMap, estimator: Estimator, result: Result) -> Estim
     """Return what Python estimates of the strains and readings that the bridge used."""
     given = result.other_inputs
     readings = [*result.strain, *(given.get(name, nan) for name in sensor_names(held))]
-    return estimator.track(np.array(readings), result.dynamic_pressure, thrust=given.get(THRUST, 0.0))
+    warm = [given[name] for name in temperature_names(held.thermal)]
+    known = {"thrust": given.get(THRUST, 0.0)} | ({"temperature": warm} if warm else {})
+    return estimator.track(np.array(readings), result.dynamic_pressure, **known)
 
 
 def check_results(held: InverseMap, results: list[Result], samples: list[FlownSample]) -> None:
     """Compare the results of trusted cycles with Python's, and what they used with what was sent."""
     estimator, names = Estimator(held), sensor_names(held)
+    taken = (*names, *temperature_names(held.thermal))
     trusted = [k for k, one in enumerate(results) if one.quality.has_coefficients]
     assert len(trusted) >= len(samples) - TRUSTED
     for k in trusted:
@@ -193,7 +203,7 @@ def check_results(held: InverseMap, results: list[Result], samples: list[FlownSa
         np.testing.assert_allclose(results[k].coefficients_std, expected.coefficients_std, rtol=1e-6)
         assert results[k].health == expected.health
         if k >= TRUSTED:
-            np.testing.assert_allclose([used[n] for n in names], [sent[n] for n in names], rtol=1e-6)
+            np.testing.assert_allclose([used[n] for n in taken], [sent[n] for n in taken], rtol=1e-6)
             assert used[THRUST] == pytest.approx(sent[THRUST], nan_ok=True)
             # Thrust that is not known loses the sensors that it moves.
             n_lost = sum(np.isnan(sent[name]) or (np.isnan(sent[THRUST]) and "axial" in name) for name in names)
@@ -201,9 +211,11 @@ def check_results(held: InverseMap, results: list[Result], samples: list[FlownSa
 
 
 def text_of(held: InverseMap) -> tuple[str, str]:
-    """Return a DBC file with gauges, sensors and thrust of ``held`` as floats, and its mapping."""
-    lines, rows = ['VERSION ""', "NS_ :", "BS_:", "BU_: A B"], {"strain": "", "sensors": "", "thrust": ""}
+    """Return a DBC file with gauges, temperatures, sensors and thrust of ``held`` as floats, and its mapping."""
+    lines = ['VERSION ""', "NS_ :", "BS_:", "BU_: A B"]
+    rows = dict.fromkeys(("strain", "temperature", "sensors", "thrust"), "")
     kinds = [("strain", "um/m", name) for name in map(str, held.gauge_names[: held.n_strain_gauges])]
+    kinds += [("temperature", "K", name) for name in held.thermal.sensor_names]
     units = reading_units(held)
     names = (*ROWS, "signal")
     kinds += [
@@ -237,7 +249,7 @@ def through_core(
 
 @pytest.mark.parametrize(("kind", "source"), [("linear", "map.h5"), ("linear", "e.fmu"), ("nonlinear", "e.fmu")])
 def test_a_mapping_estimates_as_python_does(kind: str, source: str, tmp_path: Path) -> None:
-    held = held_map(kind)
+    held = with_temperature(held_map(kind))
     save_inverse_map(held, tmp_path / "map.h5")
     if source == "e.fmu":
         export_estimator(tmp_path / "map.h5", tmp_path / source, ExportOptions(platforms=["linux64"]))

@@ -4,32 +4,22 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable
-from dataclasses import replace
-from math import isnan, nan
-from pathlib import Path
+from math import isnan
 from typing import Any
 
 import numpy as np
 import pytest
 from can_case import CYCLE, Projection
-from scaled_maps import NOMINAL, scaled_map
-from thermal_maps import REFERENCE, with_temperature
 
 from strainfmu.can.dbc_files import database_of
 from strainfmu.can.dbc_mapping import mapped_layout
-from strainfmu.can.encoder import StrainEncoder
 from strainfmu.can.frame import Frame
 from strainfmu.can.frame_layout import InputLayout
 from strainfmu.can.machine import Machine, Result
-from strainfmu.can.options import BridgeOptions, BridgeSettings
+from strainfmu.can.options import BridgeSettings
 from strainfmu.can.quality import Cause, Quality
-from strainfmu.can.setup import make_machine
-from strainfmu.cosim.estimators.source import open_step
 from strainfmu.cosim.estimators.step import StepResult
 from strainfmu.errors import InputError
-from strainfmu.estimator.estimator import Estimator
-from strainfmu.estimator.map.inverse_map import InverseMap, save_inverse_map
-from strainfmu.fmu.export import ExportOptions, export_estimator
 
 pytestmark = pytest.mark.fast
 
@@ -177,55 +167,3 @@ def test_temperatures_need_not_come() -> None:
 def test_a_wrong_mapping_is_refused(make: Callable[[], InputLayout], text: str) -> None:
     with pytest.raises(InputError, match=text):
         make()
-
-
-# --- with an estimator -------------------------------------------------------------------------------------------
-
-
-def text_of(held: InverseMap) -> tuple[str, str]:
-    """Return a DBC file with every gauge and sensor of ``held`` as a float, and its mapping."""
-    lines, mapped = ['VERSION ""', "NS_ :", "BS_:", "BU_: A B"], {"strain": "", "temperature": ""}
-    kinds = [("strain", "um/m", name) for name in held.gauge_names]
-    kinds += [("temperature", "K", name) for name in held.thermal.sensor_names]
-    floats = []
-    for number, (kind, unit, name) in enumerate(kinds):
-        frame = f"F{number}"
-        lines += [f"BO_ {256 + number} {frame}: 8 A", f' SG_ v : 0|64@1- (1,0) [0|0] "{unit}" B']
-        floats.append(f"SIG_VALTYPE_ {256 + number} v : 2;")
-        mapped[kind] += f'"{name}" = "{frame}.v"\n'
-    mapping = "cycle_time_ms = 10\n" + "".join(f"[{kind}]\n{rows}" for kind, rows in mapped.items())
-    return "\n".join([*lines, *floats, ""]), mapping
-
-
-@pytest.mark.parametrize("source", ["map.h5", "e.fmu"])
-def test_a_bridge_estimates_as_python_does(source: str, tmp_path: Path) -> None:
-    held = with_temperature(scaled_map(2, seed=4))
-    save_inverse_map(held, tmp_path / "map.h5")
-    if source == "e.fmu":
-        export_estimator(tmp_path / "map.h5", tmp_path / source, ExportOptions())
-    for name, text in zip(("rack.dbc", "rack.toml"), text_of(held), strict=True):
-        (tmp_path / name).write_text(text, encoding="utf-8")
-    options = replace(
-        BridgeOptions(interface="virtual", channel="temperatures"),
-        dbc=tmp_path / "rack.dbc",
-        mapping=tmp_path / "rack.toml",
-        dynamic_pressure=NOMINAL,
-    )
-    random, estimator = np.random.default_rng(1), Estimator(held)
-    temperature = REFERENCE + 25.0 * random.normal(size=held.thermal.n_sensors)
-    with open_step(tmp_path / source) as ready:
-        core, *_ = make_machine(ready.step, options, gauge_names=ready.gauge_names, start=0.0)
-        encoder = StrainEncoder(core.layout)
-        for k in range(24):
-            strain = held.mean_strain + 1e-6 * random.normal(size=held.n_gauges)
-            warm = temperature.copy()
-            warm[: k % 3] = nan
-            results = []
-            for frame in encoder.encode(strain, NOMINAL, k, k * CYCLE, temperature=warm.tolist()):
-                results += core.receive(replace(frame, time=k * CYCLE))
-            results += core.advance((k + 0.9) * CYCLE)
-            if k < TRUSTED:
-                continue
-            expected = estimator.step(strain, NOMINAL, temperature=warm)
-            np.testing.assert_allclose(results[-1].coefficients, expected.coefficients, rtol=1e-6)
-            np.testing.assert_allclose(results[-1].coefficients_std, expected.coefficients_std, rtol=1e-8)
