@@ -155,10 +155,10 @@ def test_sound_tests_have_no_cause(model: ReadingsModel, draw: int) -> None:
         ("support", "clamp: it yields as "),
         ("joint", "joint at or near 1.75 m"),
         ("modulus", "modulus: Young's modulus of the regions"),
-        ("taper", "wall: taper of "),
+        pytest.param("taper", "wall: taper of ", marks=pytest.mark.slow),
         ("direction", "direction of all forces: turned by "),
-        ("rig", "rig: "),
-        ("pad size", "size of all pads: it differs by "),
+        pytest.param("rig", "rig: ", marks=pytest.mark.slow),  # test_case_faults.py hangs its mass on the pads
+        pytest.param("pad size", "size of all pads: it differs by ", marks=pytest.mark.slow),
         ("drift", "drift: zeros moved by "),
         ("hysteresis", "hysteresis: a case reads "),
     ],
@@ -181,17 +181,6 @@ def test_what_gauges_have_in_common_is_named_and_estimated(
     assert np.sqrt(np.mean(error**2)) < 2.0
 
 
-@EACH_DRAW
-def test_a_gain_far_beyond_its_tolerance_is_named(model: ReadingsModel, draw: int) -> None:
-    gauge = 7
-    change = np.zeros(len(model.std))
-    change[slices(model.structure.counts)["gauge_gain"].start + gauge] = 0.08
-    reading, _ = drawn_readings(model, np.random.default_rng([draw, 11]), change)
-    _, faults = calibrate_with_faults(model.with_readings(reading))
-    assert [(one.where, one.kind) for one in faults] == [(model.structure.gauges.names[gauge], "gain")]
-    assert "its gain differs by about +" in faults[0].line
-
-
 def test_a_load_is_called_wrong_from_one_percent(vehicle: Vehicle, tested: AsBuiltStructure) -> None:
     exact = model_of(vehicle, tested, LoadErrors(load=0.001))
     change = np.zeros(len(exact.std))
@@ -204,7 +193,8 @@ def test_a_load_is_called_wrong_from_one_percent(vehicle: Vehicle, tested: AsBui
         assert [one.where for one in faults] == expected
 
 
-@pytest.mark.parametrize("case", [1, *(pytest.param(case, marks=pytest.mark.slow) for case in (4, 6))])
+@pytest.mark.slow
+@pytest.mark.parametrize("case", [1, 4, 6])
 def test_a_load_far_beyond_its_statement_blames_no_gauge(
     vehicle: Vehicle, tested: AsBuiltStructure, case: int
 ) -> None:
@@ -262,14 +252,18 @@ def test_a_gauge_or_a_case_at_fault_is_named_on_a_soft_support(model: ReadingsMo
 
 
 def test_one_gauge_that_differs_is_no_common_cause(model: ReadingsModel) -> None:
-    """A gauge whose gain is 20 % off, and one whose readings are of nothing that is known."""
+    """A gauge whose gain is 20 % off, which is said, and one whose readings are of nothing that is known."""
     reading, vector = drawn_readings(model, np.random.default_rng(12))
     off = reading.copy()
     off[:, 7] += 0.2 * (reading[:, 7] - vector[slices(model.structure.counts)["zero"]][7])
     off[:, 20] += 3e-6 * np.random.default_rng(13).standard_normal(len(off))
     spoiled = model.with_readings(off)
     found, faults = calibrate_with_faults(spoiled)
-    assert {one.where for one in faults} == {model.structure.gauges.names[k] for k in (7, 20)}
+    named = {one.where: one for one in faults}
+    gain, _ = (named.pop(model.structure.gauges.names[k]) for k in (7, 20))
+    assert named == {}
+    assert gain.kind == "gain"
+    assert "its gain differs by about +" in gain.line
     assert found.model.causes == ()
 
 

@@ -55,7 +55,10 @@ FOUNDATION = {
 }
 
 
-@pytest.fixture(scope="module", params=[{}, FOUNDATION], ids=["clamp", "foundation"])
+@pytest.fixture(
+    scope="module",
+    params=[pytest.param({}, marks=pytest.mark.slow, id="clamp"), pytest.param(FOUNDATION, id="foundation")],
+)
 def wall(vehicle: Vehicle, request: pytest.FixtureRequest) -> tuple[Vehicle, AsBuiltStructure]:
     made = layered(vehicle, **request.param)
     return made, as_built_structure(made, LAYOUT, max_harmonic=10)

@@ -61,7 +61,7 @@ def undisturbed(vehicle: Vehicle, tmp_path_factory: pytest.TempPathFactory, comp
         ({"conditions__angle_of_attack_deg": [-3.0, 0.0, -4.0]}, 6),
         ({"conditions__mach_number": [4.0, 4.2]}, 5),
         ({"resolution__map__radial_cells": 10}, 15),
-        ({"resolution__map__circumferential_cells": 20}, 15),
+        pytest.param({"resolution__map__circumferential_cells": 20}, 15, marks=pytest.mark.slow),
         ({"profile__1__end_x_m": 2.6}, 15),
     ],
 )

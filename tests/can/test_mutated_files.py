@@ -177,7 +177,7 @@ def test_an_mf4_file_that_ends_its_parser(seed: int, synthetic: SyntheticFiles, 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_few_mutations(kind: str, synthetic: SyntheticFiles, tmp_path: Path) -> None:
-    assert problems(kind, range(1000, 1003), synthetic, tmp_path) == []
+    assert problems(kind, range(1000, 1002), synthetic, tmp_path) == []
 
 
 @pytest.mark.slow

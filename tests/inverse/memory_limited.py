@@ -102,8 +102,8 @@ def build(folder: Path) -> dict[str, object]:
 
 
 def field(_: Path) -> dict[str, object]:
-    """Both cases with fields of 500,000 nodes, within 1 GiB; n_p x n_p would be 2 TB."""
-    n_p, n, n_d = 500_000, 12, 6
+    """Both cases with fields of 200,000 nodes, within 1 GiB; n_p x n_p would be 320 GB."""
+    n_p, n, n_d = 200_000, 12, 6
     random = np.random.default_rng(0)
     pressure = random.normal(1e4, 1e3, size=(n, n_p))
     operator, loads = 1e-9 * random.normal(size=(n_d, n_p)), 1e-6 * random.normal(size=(5, n_p))

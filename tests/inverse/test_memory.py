@@ -41,10 +41,10 @@ def test_maps_of_sixty_thousand_nodes_are_built_in_one_gibibyte(tmp_path: Path) 
         assert found[f"case {case}, bytes without field"] < MIB
 
 
-def test_half_a_million_nodes_need_no_square(tmp_path: Path) -> None:
-    """Both cases within 1 GiB, where one square would be 2 TB."""
+def test_many_nodes_need_no_square(tmp_path: Path) -> None:
+    """Both cases within 1 GiB, where one square would be 320 GB."""
     found = result("field", tmp_path)
-    assert [shape[0] for shape in found["shapes"]] == [500_000] * 4
+    assert [shape[0] for shape in found["shapes"]] == [200_000] * 4
 
 
 @pytest.fixture(autouse=True)

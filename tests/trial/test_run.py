@@ -106,7 +106,7 @@ def test_nothing_is_missed(
     fixture: str, error: str, size: str, flagged: float, request: pytest.FixtureRequest
 ) -> None:
     # The zeros of a filtered flight are wrong alike in all flights of a vehicle: six vehicles would be few.
-    plan = PLAN.model_copy(update={"vehicles": 24}) if error.startswith("filter") else PLAN
+    plan = PLAN.model_copy(update={"vehicles": 24}) if error == "filter over time, zeros" else PLAN
     every = rows_for(request.getfixturevalue(fixture), error, size, plan=plan)[0]
     assert every["verdict"] != MISSED, every["why"]
     assert sum(health_of(every).values()) == pytest.approx(100.0)

@@ -180,5 +180,6 @@ def test_surface_without_radius_is_refused() -> None:
 
 
 def test_full_flow_out_of_reach_is_named() -> None:
+    cone, grid = EllipticCone(y_slope=0.15, z_slope=0.15), MarchingGrid(n_radial=8, n_circumferential=12)
     with pytest.raises(FlowReachError, match=r"\(tip\) for M 3, angle of attack 50 deg, sideslip 5 deg"):
-        solve_full_flow(EllipticCone(y_slope=0.15, z_slope=0.15), 3.0, radians(50.0), radians(5.0), GRID)
+        solve_full_flow(cone, 3.0, radians(50.0), radians(5.0), grid)
