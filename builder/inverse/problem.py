@@ -13,7 +13,7 @@ import numpy as np
 from builder.aero.load_groups import other_load_operator
 from builder.aero.load_operator import load_operator_on
 from builder.aero.shapes import outer_surface
-from builder.aero.surface.mesh import Surface, grid_of, mesh_of
+from builder.aero.surface.mesh import grid_of, mesh_of
 from builder.campaign.snapshots import Snapshots, snapshots_on
 from builder.inverse.ensemble import Ensemble, ensemble_of
 from builder.inverse.noise.flow_models import (
@@ -41,8 +41,6 @@ from builder.structure.gauge_checks import gauges_in_use
 from builder.structure.mapped_structure import MappedStructure
 from builder.structure.solid.checks import ELEMENT_FRACTION
 from builder.vehicle.file import Vehicle
-from builder.vehicle.gauges.gauge_entries import Recorder
-from builder.vehicle.gauges.layout import GaugeLayout
 from builder.vehicle.map_options import Noise
 from builder.vehicle.model_form import model_form
 from strainfmu.arrays import FloatArray
@@ -217,14 +215,26 @@ def check_other_loads(vehicle: Vehicle) -> None:
     other_load_operator(surface, vehicle.map, vehicle.reference_quantities().moment_station)
 
 
-def _terms_of_readings(
-    layout: GaugeLayout, covariance: FloatArray, file: Path | None, recorder: Recorder, surface: Surface
-) -> list[NoiseTerm]:
-    """Return the noise ``covariance`` (n_d, n_d) of the gauges, modes of a ``file``, and common errors."""
-    nuisance = [] if file is None else nuisance_terms(file, layout.names)
-    along = mesh_of(surface).point[:, 0]
+def _terms_of_readings(vehicle: Vehicle, structure: AnyStructure, covariance: FloatArray) -> list[NoiseTerm]:
+    """Return the noise ``covariance`` (n_d, n_d) of the gauges, modes of a file, and errors of the recorder."""
+    layout, file = structure.layouts[vehicle.gauges.layout], vehicle.noise.nuisance_file
+    nuisance = [] if file is None else nuisance_terms(vehicle.beside(file), layout.names)
+    along = mesh_of(structure.surface).point[:, 0]
     aft = (layout.position[:, 0] - along.min()) / np.ptp(along)
-    return [gauge_noise(covariance), *nuisance, *recorder_terms(recorder, aft)]
+    return [gauge_noise(covariance), *nuisance, *recorder_terms(vehicle.recorder, aft)]
+
+
+def _pressure_beside_the_snapshots(
+    vehicle: Vehicle, flows: SolvedFlows, ensemble: Ensemble
+) -> tuple[FloatArray | None, FloatArray | None]:
+    """Return what of flows between the snapshots these do not span, and the error on the leeward side, each
+    (k, n_p) [Pa]; None where it does not count."""
+    if ensemble.grid is not None or vehicle.noise.model != "default":
+        return None, None
+    leeward = leeward_fields(flows, model_form(vehicle.map, vehicle.noise), ensemble)
+    if flows.between is None:
+        return None, leeward
+    return flows.between.off_the_snapshots(ensemble, vehicle.map.follows_pressure), leeward
 
 
 def inverse_problem(
@@ -263,13 +273,7 @@ def inverse_problem(
     if mesh is not None and vehicle.noise.model == "default":
         errors += mesh.terms()
     terms = [
-        *_terms_of_readings(
-            structure.layouts[vehicle.gauges.layout],
-            covariance,
-            None if vehicle.noise.nuisance_file is None else vehicle.beside(vehicle.noise.nuisance_file),
-            vehicle.recorder,
-            structure.surface,
-        ),
+        *_terms_of_readings(vehicle, structure, covariance),
         *hardware_terms(vehicle.noise, errors, ensemble, z_p),
         *thermal_terms(vehicle.temperature, thermal),
         *inertia_terms(inertia, by_inertia),
@@ -284,15 +288,15 @@ def inverse_problem(
     other_loads = other_load_operator(surface, vehicle.map, reference.moment_station)
     loads = np.vstack([load_operator_on(surface, reference.moment_station), other_loads])
     flows = SolvedFlows(snapshots=snapshots, entries=vehicle.flow_entries())
-    sizes, off, leeward = model_form(vehicle.map, vehicle.noise), None, None
-    if ensemble.grid is None and vehicle.noise.model == "default":
-        leeward = leeward_fields(flows, sizes, ensemble)
-        if flows.between is not None:
-            off = flows.between.off_the_snapshots(ensemble, vehicle.map.follows_pressure)
-    for name, fields in ((BETWEEN, off), (LEEWARD_PRESSURE, leeward)):
-        if fields is not None:
-            terms.append(pressure_errors(name, fields, z_p, loads))
+    off, leeward = _pressure_beside_the_snapshots(vehicle, flows, ensemble)
+    terms += [
+        pressure_errors(name, fields, z_p, loads)
+        for name, fields in ((BETWEEN, off), (LEEWARD_PRESSURE, leeward))
+        if fields is not None
+    ]
+    sizes = model_form(vehicle.map, vehicle.noise)
     newtonian = newtonian_snapshots(sizes, snapshots)
+    of_newtonian = None if newtonian is None else ensemble_of(vehicle, newtonian)
     return Problem(
         ensemble=ensemble,
         strain_operator=z_p,
@@ -312,14 +316,7 @@ def inverse_problem(
         inertia=inertia,
         off_the_snapshots=off,
         leeward=leeward,
-        flow_models=flow_model_errors(
-            sizes,
-            snapshots,
-            ensemble,
-            None if newtonian is None else ensemble_of(vehicle, newtonian),
-            z_p,
-            loads,
-        ),
+        flow_models=flow_model_errors(sizes, snapshots, ensemble, of_newtonian, z_p, loads),
     )
 
 

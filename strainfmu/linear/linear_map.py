@@ -347,9 +347,7 @@ def linear_map(
     if not np.isfinite(prior.mean).all():
         raise InputError("snapshots: expected finite pressures [Pa]")
     net_mean = prior.mean - np.asarray(internal_pressure, dtype=float)
-    G = np.zeros((0, len(net_mean))) if loads is None else np.asarray(loads, dtype=float)
-    if G.ndim != 2 or G.shape[1] != len(net_mean) or not np.isfinite(G).all():
-        raise InputError(f"loads: expected (n_f, {len(net_mean)}) finite numbers, got shape {G.shape}")
+    G = _load_operator(loads, len(net_mean))
     # F is large: Z, G and, in Case 1, the basis of the modes are multiplied with it in one product.
     dense = isinstance(operator, np.ndarray)
     rows = [operator, G] if dense else [G]
@@ -366,31 +364,28 @@ def linear_map(
     mean_strain, load_of_mean = np.asarray(operator @ net_mean), G @ net_mean
     if not (np.isfinite(strain).all() and np.isfinite(mean_strain).all()):
         raise InputError("Z: expected finite strain per pressure [1/Pa]")
+    errors = np.zeros((len(strain) + len(load), 0))
     if pod is None:
         fields, per_state = prior.factor, load
-        of_errors, load_of_errors = np.zeros((len(strain), 0)), np.zeros((len(load), 0))
         states: GaussianMap | LeastSquaresMap = _gaussian(strain, mean_strain, noise, gamma)
+        T, k = fields @ states.strain_gain, prior.mean + fields @ states.state_offset
     else:
         fields, of_modes, per_state = pod.modes, np.asarray(operator @ pod.modes), G @ pod.modes
-        joint = np.zeros((len(strain) + len(load), 0))
         if truncated_noise:
             explained = np.vstack([of_modes, per_state]) @ coefficients
-            joint = lower_factor(np.vstack([strain, load]) - explained)
-        of_errors, load_of_errors = joint[: len(strain)], joint[len(strain) :]
-        covariance = noise + of_errors @ of_errors.T
+            errors = lower_factor(np.vstack([strain, load]) - explained)
+        covariance = noise + errors[: len(strain)] @ errors[: len(strain)].T
         states = least_squares_map(of_modes, mean_strain, covariance, pod.coefficient_std)
-    # Loads of the states, and what the residual reveals of loads outside them.
-    of_residual = np.linalg.solve(states.noise_covariance, of_errors @ load_of_errors.T).T
-    gain = (per_state - of_residual @ states.state_operator) @ states.strain_gain + of_residual
+        T, k = states.strain_gain, states.state_offset
+    of_errors, load_of_errors = np.split(errors, [len(strain)])
+    gain = _load_gain(states, per_state, of_errors, load_of_errors)
     # Joseph's form: noise and errors that pass the gain, and states that it does not resolve, in one factor.
-    parts = [gain @ np.linalg.cholesky(noise), gain @ of_errors - load_of_errors]
-    if pod is None:
-        parts.append(gain @ strain - load)
-    factor = np.hstack(parts)
+    unresolved = [] if pod is not None else [gain @ strain - load]
+    factor = np.hstack([gain @ np.linalg.cholesky(noise), gain @ of_errors - load_of_errors, *unresolved])
     of_snapshots = load_of_mean[:, None] + root * load
     return LinearMap(
-        T=states.strain_gain if modes is not None else fields @ states.strain_gain,
-        k=states.state_offset if modes is not None else prior.mean + fields @ states.state_offset,
+        T=T,
+        k=k,
         load_gain=None if loads is None else gain,
         load_offset=None if loads is None else load_of_mean - gain @ mean_strain,
         load_covariance=None if loads is None else factor @ factor.T,
@@ -405,6 +400,25 @@ def linear_map(
         _largest_strain=np.abs(mean_strain[:, None] + root * strain).max(axis=1),
         _load_range=np.column_stack([of_snapshots.min(axis=1), of_snapshots.max(axis=1)]),
     )
+
+
+def _load_operator(loads: ArrayLike | None, n_p: int) -> FloatArray:
+    """Return G (n_f, n_p), without rows where there are no loads."""
+    G = np.zeros((0, n_p)) if loads is None else np.asarray(loads, dtype=float)
+    if G.ndim != 2 or G.shape[1] != n_p or not np.isfinite(G).all():
+        raise InputError(f"loads: expected (n_f, {n_p}) finite numbers, got shape {G.shape}")
+    return G
+
+
+def _load_gain(
+    states: GaussianMap | LeastSquaresMap, per_state: FloatArray, of_errors: FloatArray, load_of_errors: FloatArray
+) -> FloatArray:
+    """Return the gain (n_f, n_d) to loads: of the states, and of what the residual reveals of loads outside them.
+
+    ``per_state`` (n_f, n_q) are loads of the states, ``of_errors`` A_t and ``load_of_errors`` B_t.
+    """
+    of_residual = np.linalg.solve(states.noise_covariance, of_errors @ load_of_errors.T).T
+    return np.asarray((per_state - of_residual @ states.state_operator) @ states.strain_gain + of_residual)
 
 
 def _checked(
