@@ -265,6 +265,16 @@ class _Samples:
         return number
 
 
+def _name_and_unit(path: Path, heading: str, stated: str, is_known: Callable[[str], bool]) -> tuple[str, str]:
+    """Return name and unit of a column by its heading, and by the unit that is ``stated`` below it."""
+    name, unit = name_and_unit(heading, is_known)
+    if unit and stated and unit != stated:
+        raise InputError(
+            f"{path}: column '{heading}': unit: expected one, got '{unit}' in the heading and '{stated}' below"
+        )
+    return name, stated or unit
+
+
 def text_table(path: Path, reading: Reading, stack: ExitStack) -> Table:
     """Open a text with columns.
 
@@ -306,24 +316,21 @@ def text_table(path: Path, reading: Reading, stack: ExitStack) -> Table:
     first_line, _, first_row = filled[0] if filled else (start, 0, [])
     columns, forms, remarks = list[Column](), dict[int, TimeForm](), list[str]()
     for i, heading in enumerate(headings):
-        name, unit = name_and_unit(heading, is_known)
-        stated, dated = _unit(units[i]) if i < len(units) else "", ""
-        if unit and stated and unit != stated:
-            raise InputError(
-                f"{path}: column '{heading}': unit: expected one, got '{unit}' in the heading and '{stated}' below"
-            )
-        unit = stated or unit
+        stated = _unit(units[i]) if i < len(units) else ""
         first = first_row[i].strip() if i < len(first_row) else ""
+        name, unit = _name_and_unit(path, heading, stated, is_known)
         is_time = is_known(name) and bool(first) and not is_number(first)
-        if is_time and (form := time_form(first, reading.date_order)) is not None:
-            if form.words == UNKNOWN_ORDER:
-                raise InputError(
-                    f"{path}: line {first_line}, column '{name}': expected a date whose order of day and month is "
-                    f"known, got '{first}'; state --date-order day or month, or [time] date_order in channels.toml"
-                )
-            forms[i], unit = form, "s"
-            dated = f"column '{name}': times {form.words}, read as seconds since {first}"
-        columns.append(Column(name=name, unit=unit, heading=heading, dated=dated))
+        form = time_form(first, reading.date_order) if is_time else None
+        if form is None:
+            columns.append(Column(name=name, unit=unit, heading=heading))
+            continue
+        if form.words == UNKNOWN_ORDER:
+            raise InputError(
+                f"{path}: line {first_line}, column '{name}': expected a date whose order of day and month is "
+                f"known, got '{first}'; state --date-order day or month, or [time] date_order in channels.toml"
+            )
+        forms[i], dated = form, f"column '{name}': times {form.words}, read as seconds since {first}"
+        columns.append(Column(name=name, unit="s", heading=heading, dated=dated))
     if passed:
         shown = ", ".join(f"{below[row][0]} ('{label[:30]}')" for row, label in passed[:6])
         more = f" and {len(passed) - 6} more" if len(passed) > 6 else ""
