@@ -224,17 +224,15 @@ def _terms_of_readings(vehicle: Vehicle, structure: AnyStructure, covariance: Fl
     return [gauge_noise(covariance), *nuisance, *recorder_terms(vehicle.recorder, aft)]
 
 
-def _pressure_beside_the_snapshots(
-    vehicle: Vehicle, flows: SolvedFlows, ensemble: Ensemble
-) -> tuple[FloatArray | None, FloatArray | None]:
-    """Return what of flows between the snapshots these do not span, and the error on the leeward side, each
-    (k, n_p) [Pa]; None where it does not count."""
+def errors_of_flows(vehicle: Vehicle, flows: SolvedFlows, ensemble: Ensemble) -> dict[str, FloatArray]:
+    """Return fields (k, n_p) [Pa] of errors that count where flows are as listed, by name of the error."""
     if ensemble.grid is not None or vehicle.noise.model != "default":
-        return None, None
+        return {}
+    fields = dict[str, FloatArray]()
+    if flows.between is not None:
+        fields[BETWEEN] = flows.between.off_the_snapshots(ensemble, vehicle.map.follows_pressure)
     leeward = leeward_fields(flows, model_form(vehicle.map, vehicle.noise), ensemble)
-    if flows.between is None:
-        return None, leeward
-    return flows.between.off_the_snapshots(ensemble, vehicle.map.follows_pressure), leeward
+    return fields if leeward is None else {**fields, LEEWARD_PRESSURE: leeward}
 
 
 def inverse_problem(
@@ -288,12 +286,8 @@ def inverse_problem(
     other_loads = other_load_operator(surface, vehicle.map, reference.moment_station)
     loads = np.vstack([load_operator_on(surface, reference.moment_station), other_loads])
     flows = SolvedFlows(snapshots=snapshots, entries=vehicle.flow_entries())
-    off, leeward = _pressure_beside_the_snapshots(vehicle, flows, ensemble)
-    terms += [
-        pressure_errors(name, fields, z_p, loads)
-        for name, fields in ((BETWEEN, off), (LEEWARD_PRESSURE, leeward))
-        if fields is not None
-    ]
+    fields = errors_of_flows(vehicle, flows, ensemble)
+    terms += [pressure_errors(name, columns, z_p, loads) for name, columns in fields.items()]
     sizes = model_form(vehicle.map, vehicle.noise)
     newtonian = newtonian_snapshots(sizes, snapshots)
     of_newtonian = None if newtonian is None else ensemble_of(vehicle, newtonian)
@@ -314,8 +308,8 @@ def inverse_problem(
         sensors=sensors,
         thermal=thermal if sensors is None else with_sensor_rows(thermal, len(sensors.rows)),
         inertia=inertia,
-        off_the_snapshots=off,
-        leeward=leeward,
+        off_the_snapshots=fields.get(BETWEEN),
+        leeward=fields.get(LEEWARD_PRESSURE),
         flow_models=flow_model_errors(sizes, snapshots, ensemble, of_newtonian, z_p, loads),
     )
 

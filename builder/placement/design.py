@@ -13,7 +13,7 @@ from builder.aero.surface.mesh import grid_of
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.ensemble import ensemble_of
 from builder.inverse.noise.flows_between import SolvedFlows
-from builder.inverse.problem import AnyStructure
+from builder.inverse.problem import AnyStructure, errors_of_flows
 from builder.placement.candidate_strain import CandidateStrain, fourier_strain, solid_strain
 from builder.placement.candidates import (
     CandidateGrid,
@@ -26,7 +26,6 @@ from builder.placement.flight_models import (
     FlightParts,
     Kind,
     air_data_goals,
-    errors_of_flows,
     field_goals,
     flight_model,
     noise_std_of,
@@ -178,25 +177,13 @@ def placement_study(
         The vehicle is a body of revolution of another model than the Fourier one, a candidate is not on the wall,
         or the layout in use is not on one surface.
     """
-    surface, case = structure.surface, None
-    if not vehicle.has_meridian:
-        solid = structure_case(vehicle, [vehicle.gauges.layout])
-        case = solid
-    elif grid_of(surface) is None or vehicle.structure.model != "fourier":
-        raise InputError(
-            "place: expected structure.model = 'fourier' of a body of revolution, whose inner surface takes the "
-            f"gauges, got model '{vehicle.structure.model}'"
-        )
-    ensemble = ensemble_of(vehicle, snapshots)
     own_layout = structure.layouts[vehicle.gauges.layout]
-    bonded = None if case is None else bonded_surface(case, vehicle.gauges.layout)
-    offered = (
-        grid_candidates(vehicle, grid) if case is None else surface_candidates(case.mesh.full, str(bonded), grid)
-    )
+    case, offered = _offered(vehicle, structure, grid)
     everything, kept_sites = with_gauges(offered, keep) if keep is not None else (offered, [])
     everything, layout_sites = with_gauges(everything, own_layout)
+    ensemble = ensemble_of(vehicle, snapshots)
     flows = SolvedFlows(snapshots=snapshots, entries=vehicle.flow_entries())
-    basis = pressure_basis(vehicle, snapshots, ensemble, errors_of_flows(vehicle, flows, ensemble))
+    basis = pressure_basis(vehicle, snapshots, ensemble, [*errors_of_flows(vehicle, flows, ensemble).values()])
     parts = FlightParts(
         vehicle=vehicle,
         flows=flows,
@@ -204,34 +191,19 @@ def placement_study(
         structure=structure,
         basis=basis,
         noise_std=noise_std_of(vehicle, snapshots, structure),
-        sensors=counted_sensors(vehicle.sensors, surface, basis),
+        sensors=counted_sensors(vehicle.sensors, structure.surface, basis),
     )
-    if case is None:
-        stations = grid_of(surface)
-        assert stations is not None
-        strain = fourier_strain(vehicle, stations, basis, everything.gauges, progress)
-    else:
-        placed = everything.gauges
-        length = float(case.layouts[vehicle.gauges.layout].length[0])
-        gauges = gauges_at(placed.position, placed.direction, placed.names, length, str(bonded))
-        strain = solid_strain(case, snapshots, basis, gauges, progress)
-    chosen = kind or ("linear" if vehicle.map.estimator == "linear" or why_linear(vehicle) else "nonlinear")
-    try:
-        gaussian = flight_model(parts, strain, everything.sites, chosen)
-    except InputError:
-        if kind is not None or vehicle.map.estimator != "auto" or chosen == "linear":
-            raise
-        chosen = "linear"
-        gaussian = flight_model(parts, strain, everything.sites, chosen)
-    kind, (model, own_sigma) = chosen, normalised(gaussian, layout_sites)
+    strain = _candidate_strain(parts, case, everything.gauges, progress)
+    chosen, gaussian = _model_of_kind(parts, strain, everything.sites, kind)
+    model, own_sigma = normalised(gaussian, layout_sites)
     without = None
-    if kind == "nonlinear" and vehicle.map.model_form_percent > 0.0:
+    if chosen == "nonlinear" and vehicle.map.model_form_percent > 0.0:
         entry = vehicle.map.model_copy(update={"model_form_percent": 0.0})
         exact = replace(parts, vehicle=vehicle.model_copy(update={"map": entry}))
-        without = normalised(flight_model(exact, strain, everything.sites, kind), layout_sites)[0]
+        without = normalised(flight_model(exact, strain, everything.sites, chosen), layout_sites)[0]
     return Study(
         parts=parts,
-        kind=kind,
+        kind=chosen,
         candidates=everything,
         strain=strain,
         layout_sites=tuple(layout_sites),
@@ -241,6 +213,49 @@ def placement_study(
         own_sigma=own_sigma,
         without_model_form=without,
     )
+
+
+def _offered(
+    vehicle: Vehicle, structure: AnyStructure, grid: CandidateGrid
+) -> tuple[SolidCase | None, Candidates]:
+    """Return the candidates of ``grid``, with the solid case of a free shape, None of a body of revolution."""
+    if not vehicle.has_meridian:
+        case = structure_case(vehicle, [vehicle.gauges.layout])
+        return case, surface_candidates(case.mesh.full, bonded_surface(case, vehicle.gauges.layout), grid)
+    if grid_of(structure.surface) is None or vehicle.structure.model != "fourier":
+        raise InputError(
+            "place: expected structure.model = 'fourier' of a body of revolution, whose inner surface takes the "
+            f"gauges, got model '{vehicle.structure.model}'"
+        )
+    return None, grid_candidates(vehicle, grid)
+
+
+def _candidate_strain(
+    parts: FlightParts, case: SolidCase | None, gauges: GaugeLayout, progress: Progress | None
+) -> CandidateStrain:
+    """Return the strain of the candidates' ``gauges`` per pressure of the basis."""
+    if case is None:
+        stations = grid_of(parts.structure.surface)
+        assert stations is not None
+        return fourier_strain(parts.vehicle, stations, parts.basis, gauges, progress)
+    layout = parts.vehicle.gauges.layout
+    surface, length = bonded_surface(case, layout), float(case.layouts[layout].length[0])
+    bonded = gauges_at(gauges.position, gauges.direction, gauges.names, length, surface)
+    return solid_strain(case, parts.flows.snapshots, parts.basis, bonded, progress)
+
+
+def _model_of_kind(
+    parts: FlightParts, strain: CandidateStrain, sites: IntArray, kind: Kind | None
+) -> tuple[Kind, GaussianModel]:
+    """Return the estimator's kind, by the vehicle file where ``kind`` is None, and its model."""
+    vehicle = parts.vehicle
+    chosen: Kind = kind or ("linear" if vehicle.map.estimator == "linear" or why_linear(vehicle) else "nonlinear")
+    try:
+        return chosen, flight_model(parts, strain, sites, chosen)
+    except InputError:
+        if kind is not None or vehicle.map.estimator != "auto" or chosen == "linear":
+            raise
+        return "linear", flight_model(parts, strain, sites, "linear")
 
 
 def bonded_surface(case: SolidCase, layout: str) -> str:

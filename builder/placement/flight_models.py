@@ -20,7 +20,7 @@ from builder.inverse.ensemble import Ensemble, rolled_modes
 from builder.inverse.noise.flow_models import leeward_fields
 from builder.inverse.noise.flows_between import SolvedFlows
 from builder.inverse.noise.hardware_errors import rms_ambient_pressure
-from builder.inverse.problem import AnyStructure, gauge_noise_covariance, inverse_problem
+from builder.inverse.problem import AnyStructure, errors_of_flows, gauge_noise_covariance, inverse_problem
 from builder.inverse.solution import Problem, mode_choice, pressure_modes
 from builder.manifold.nonlinear_build import tables_and_errors
 from builder.placement.candidate_strain import CandidateStrain
@@ -367,7 +367,7 @@ def _linear(parts: FlightParts, triangle: FloatArray) -> list[_State]:
     if len(free) and not vehicle.noise.with_truncated_modes:
         fields = fields[:, free]
     all_fields = [fields]
-    all_fields += [error.T for error in errors_of_flows(vehicle, parts.flows, ensemble)]
+    all_fields += [error.T for error in errors_of_flows(vehicle, parts.flows, ensemble).values()]
     columns = np.hstack(all_fields)
     scale = coefficient_scale(ensemble.nominal_dynamic_pressure, vehicle.reference_quantities())
     goals = scale[:, None] * (loads @ columns)
@@ -386,17 +386,6 @@ def _linear(parts: FlightParts, triangle: FloatArray) -> list[_State]:
             rest=rest,
         )
     ]
-
-
-def errors_of_flows(vehicle: Vehicle, flows: SolvedFlows, ensemble: Ensemble) -> list[FloatArray]:
-    """Return fields (k, n_p) of errors of flows that the linear estimator counts with flows as listed [Pa]."""
-    if ensemble.grid is not None or vehicle.noise.model != "default":
-        return []
-    leeward = leeward_fields(flows, model_form(vehicle.map, vehicle.noise), ensemble)
-    errors = [] if leeward is None else [leeward]
-    if flows.between is not None:
-        errors.append(flows.between.off_the_snapshots(ensemble, vehicle.map.follows_pressure))
-    return errors
 
 
 def _short(columns: FloatArray) -> FloatArray:
