@@ -265,7 +265,9 @@ class _Samples:
         return number
 
 
-def _name_and_unit(path: Path, heading: str, stated: str, is_known: Callable[[str], bool]) -> tuple[str, str]:
+def _name_and_unit(
+    path: Path, heading: str, stated: str, is_known: Callable[[str], bool]
+) -> tuple[str, str | None]:
     """Return name and unit of a column by its heading, and by the unit that is ``stated`` below it."""
     name, unit = name_and_unit(heading, is_known)
     if unit and stated and unit != stated:
