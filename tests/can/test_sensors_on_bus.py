@@ -247,7 +247,7 @@ def through_core(
     return results
 
 
-@pytest.mark.parametrize(("kind", "source"), [("linear", "map.h5"), ("linear", "e.fmu"), ("nonlinear", "e.fmu")])
+@pytest.mark.parametrize(("kind", "source"), [("linear", "map.h5"), ("nonlinear", "e.fmu")])
 def test_a_mapping_estimates_as_python_does(kind: str, source: str, tmp_path: Path) -> None:
     held = with_temperature(held_map(kind))
     save_inverse_map(held, tmp_path / "map.h5")

@@ -1,12 +1,14 @@
-"""FMUs of every kind, once per run."""
+"""FMUs of every kind, once per run, and another program that checks them."""
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from fmu_host import OPTIONS, SCALARS, exported_kinds
+from fmu_manipulation_toolbox.cli.fmutool import fmutool
 from once import once
 from synthetic_vehicle import SyntheticFiles
 from whole_maps import MAPS
@@ -29,6 +31,23 @@ def fmus(synthetic: SyntheticFiles, tmp_path_factory: pytest.TempPathFactory) ->
 
     folder = once(tmp_path_factory, "kinds", export)
     return {name: folder / f"{name}.fmu" for name in made} | {"plant": synthetic.plant}
+
+
+@pytest.fixture
+def checked_by_fmutool(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> Callable[[Path], str]:
+    """Return a function that checks an FMU with fmutool, finds no fault and returns what it printed."""
+
+    def check(path: Path) -> str:
+        monkeypatch.setattr(sys, "argv", ["fmutool", "-input", str(path), "-check"])
+        assert not fmutool()
+        printed = "".join(capfd.readouterr())
+        assert "seems to be compliant with FMI-" in printed
+        assert "No semantic error" in printed
+        return printed
+
+    return check
 
 
 @pytest.fixture(scope="session")

@@ -165,46 +165,20 @@ def test_errors_of_the_wall_are_those_of_the_gauges(
     assert np.count_nonzero(np.linalg.norm(terms["fibre 90 deg, drift"], axis=1)) == FIBRE.count
 
 
-@pytest.mark.parametrize(
-    ("whole", "lost", "rest"),
-    [
-        (
-            Sensors(ports=PORTS, imu=IMU),
-            ["port_180deg"],
-            Sensors(ports=PORTS.model_copy(update={"roll_deg": [0.0, 90.0, 270.0]}), imu=IMU),
-        ),
-        (
-            Sensors(displacement=POINTS, fibre=FIBRE),
-            ["tip_up", *(f"fibre_90deg_{k + 1}" for k in range(4))],
-            Sensors(
-                displacement=POINTS.model_copy(update={"point": POINTS.point[1:]}),
-                fibre=FIBRE.model_copy(update={"roll_deg": [0.0]}),
-            ),
-        ),
-        pytest.param(Sensors(ports=PORTS, imu=IMU), UNIT, Sensors(ports=PORTS), marks=pytest.mark.slow),
-        pytest.param(
-            Sensors(imu=IMU),
-            UNIT[3:],
-            Sensors(imu=IMU.model_copy(update={"angular": False})),
-            marks=pytest.mark.slow,
-        ),
-        pytest.param(
-            Sensors(load_cells=CELLS),
-            ["cell_normal"],
-            Sensors(load_cells=CELLS.model_copy(update={"components": ["axial", "yaw"]})),
-            marks=pytest.mark.slow,
-        ),
-    ],
-)
 def test_lost_sensors_leave_the_map_built_without_them(
-    whole: Sensors,
-    lost: list[str],
-    rest: Sensors,
-    vehicle: Vehicle,
-    snapshots: Snapshots,
-    held_out: Snapshots,
-    structure: StructuralModel,
+    vehicle: Vehicle, snapshots: Snapshots, held_out: Snapshots, structure: StructuralModel
 ) -> None:
+    """One or more of each kind, a whole fibre among them."""
+    whole = Sensors(ports=PORTS, imu=IMU, load_cells=CELLS, displacement=POINTS, fibre=FIBRE)
+    lost = ["port_180deg", "imu_pitch", "imu_yaw", "cell_normal", "tip_up"]
+    lost += [f"fibre_90deg_{k + 1}" for k in range(FIBRE.count)]
+    rest = Sensors(
+        ports=PORTS.model_copy(update={"roll_deg": [0.0, 90.0, 270.0]}),
+        imu=IMU.model_copy(update={"angular": False}),
+        load_cells=CELLS.model_copy(update={"components": ["axial", "yaw"]}),
+        displacement=POINTS.model_copy(update={"point": POINTS.point[1:]}),
+        fibre=FIBRE.model_copy(update={"roll_deg": [0.0]}),
+    )
     equipped = with_sensors(vehicle, whole)
     problem = inverse_problem(equipped, snapshots, structure)
     built = [

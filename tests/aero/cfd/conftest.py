@@ -19,7 +19,7 @@ from strainfmu.flight_condition import FlightCondition
 @pytest.fixture(scope="session")
 def other_grid() -> SurfaceGrid:
     """Return another mesh of the vehicle than the snapshots': coarser, and its nodes at other places."""
-    return surface_grid(load_vehicle(IC3X).body(), 97, 60)
+    return surface_grid(load_vehicle(IC3X).body(), 65, 48)
 
 
 @pytest.fixture(scope="session")

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import re
 import subprocess
-import sys
 import zipfile
+from collections.abc import Callable
 from pathlib import Path
 
 import fmpy
@@ -28,14 +28,11 @@ def test_fmpy_finds_no_fault(fmus: dict[str, Path], kind: str) -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_fmutool_finds_no_fault(fmus: dict[str, Path], kind: str) -> None:
-    command = [str(Path(sys.executable).with_name("fmutool")), "-input", str(fmus[kind]), "-check"]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
-    output = done.stdout + done.stderr
-    assert done.returncode == 0
-    assert "seems to be compliant with FMI-" in output
-    assert "No semantic error" in output
-    assert not re.search(r"^(WARNING|ERROR|CRITICAL)", output, re.MULTILINE)
+def test_fmutool_finds_no_fault(
+    fmus: dict[str, Path], kind: str, checked_by_fmutool: Callable[[Path], str]
+) -> None:
+    printed = checked_by_fmutool(fmus[kind])
+    assert not re.search(r"^(WARNING|ERROR|CRITICAL)", printed, re.MULTILINE)
 
 
 @pytest.mark.parametrize("kind", KINDS)
