@@ -12,7 +12,6 @@ test: a gain that corrects them has a fifth more error in C_N.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from scipy.linalg import eigh
@@ -83,28 +82,21 @@ def left_by_test(structure: AnyAsBuilt, remaining: Remaining, ensemble: Ensemble
 def _errors(structure: AnyAsBuilt, remaining: Remaining, ensemble: Ensemble) -> list[HardwareError]:
     keys, blocks = remaining.uncertain, blocks_of(structure.n_gauges)
     place = places_of(keys, structure.counts)
-
-    @lru_cache(1)
-    def slopes(number: int) -> FloatArray:
-        """Return (n_keys, n, n_p) derivatives of the operators of a block."""
-        return np.stack(list(structure.operator_slopes(remaining.parameters, keys, blocks[number]).values()))
-
-    product = np.concatenate([_products(ensemble, slopes(number)) for number in range(len(blocks))])
+    slopes = np.concatenate([_strain_slopes(structure, remaining.parameters, keys, ensemble, b) for b in blocks])
+    product = np.array([slope.T @ (ensemble.member_weight[:, None] * slope) for slope in slopes])
     common = _strongest(remaining.covariance, place, product)[place]
     covariance = remaining.covariance[place[:, :, None], place[:, None, :]]
     patterns = _patterns(covariance - common @ np.swapaxes(common, 1, 2), product)
-    errors = np.concatenate([common, patterns], axis=2).transpose(0, 2, 1)  # n_d, n, n_keys in the parameters
-    operators = np.empty((errors.shape[1], structure.n_gauges, structure.surface.n_nodes))
-    for number, gauges in enumerate(blocks):
-        operators[:, gauges] = (errors[gauges] @ slopes(number).swapaxes(0, 1)).swapaxes(0, 1)
+    errors = np.concatenate([common, patterns], axis=2)  # n_d, n_keys, n in the parameters
+    strains = np.ascontiguousarray((slopes @ errors).transpose(2, 1, 0))
     return [
         HardwareError(
             name=IN_COMMON_AFTER_TEST if is_common else OF_EACH_AFTER_TEST,
-            strain=ensemble.responses(operator),
+            strain=strain,
             common=is_common,
             with_rest=True,
         )
-        for operator, is_common in zip(operators, np.arange(len(operators)) < common.shape[2], strict=True)
+        for strain, is_common in zip(strains, np.arange(len(strains)) < common.shape[2], strict=True)
     ]
 
 
@@ -113,11 +105,12 @@ def blocks_of(n_gauges: int) -> list[slice]:
     return [slice(first, min(first + BLOCK, n_gauges)) for first in range(0, n_gauges, BLOCK)]
 
 
-def _products(ensemble: Ensemble, operators: FloatArray) -> FloatArray:
-    """Return (n, n_keys, n_keys) mean products, over the flows, of strain by ``operators`` of n gauges."""
-    strain = ensemble.responses(operators.reshape(-1, operators.shape[-1])).reshape(-1, *operators.shape[:2])
-    weight = ensemble.member_weight[:, None]
-    return np.stack([of_gauge.T @ (weight * of_gauge) for of_gauge in np.moveaxis(strain, 2, 0)])
+def _strain_slopes(
+    structure: AnyAsBuilt, parameters: AsBuilt, keys: list[Key], ensemble: Ensemble, gauges: slice
+) -> FloatArray:
+    """Return (n, n_flows, n_keys) derivatives of the strain of n ``gauges`` by ``keys`` in every flow."""
+    slopes = np.concatenate(list(structure.operator_slopes(parameters, keys, gauges).values()))
+    return ensemble.responses(slopes).reshape(len(ensemble.member_weight), len(keys), -1).transpose(2, 0, 1)
 
 
 def _strongest(covariance: FloatArray, place: IntArray, product: FloatArray) -> FloatArray:
