@@ -187,9 +187,9 @@ def _errors(
         else:
             total += error.strain[rows] * draws
     if common:
-        size_of_sample = np.hstack(sizes)
-        for member in np.unique(rows):
-            alike = rows == member
+        size_of_sample, by_member = np.hstack(sizes), np.argsort(rows, kind="stable")
+        members, first = np.unique(rows[by_member], return_index=True)
+        for member, alike in zip(members, np.split(by_member, first[1:]), strict=True):
             total[alike] += size_of_sample[alike] @ np.stack([strain[member] for strain in common])
     return total
 

@@ -263,7 +263,7 @@ def _combinations(c: FloatArray) -> FloatArray:
 
 
 def with_manifold(
-    inverse_map: InverseMap,
+    inverse_map: InverseMap | None,
     vehicle: Vehicle,
     snapshots: Snapshots,
     structure: AnyStructure,
@@ -274,6 +274,7 @@ def with_manifold(
 
     ``nuisance`` holds the other noise terms of the map, ``problem`` what it was solved from where it is known.
     The linear map stands in where strain does not fit the tables: it expects the difference of flow models, too.
+    It is built here where flow models differ, or where ``inverse_map`` is None.
 
     Raises
     ------
@@ -281,7 +282,7 @@ def with_manifold(
         The flows do not suffice for tables, or the gauges do not distinguish the sides of the wind.
     """
     problem = problem or inverse_problem(vehicle, snapshots, structure, nuisance)
-    if problem.flow_models:
+    if problem.flow_models or inverse_map is None:
         inverse_map = build_inverse_map(vehicle, snapshots, structure, nuisance, with_flow_models(problem))
     manifold, terms = manifold_map(problem, structure.surface, nuisance)
     provenance = {**inverse_map.provenance, "table_error_terms": terms}

@@ -268,10 +268,11 @@ def map_from(
             f"warning: the map is made without {len(failed)} of {count} conditions, which were not solved"
         )
     problem = problem or inverse_problem(vehicle, snapshots, structure)
-    inverse_map = build_inverse_map(vehicle, snapshots, structure, problem=problem)
     if vehicle.map.estimator == "nonlinear":
-        inverse_map = with_manifold(inverse_map, vehicle, snapshots, structure, problem=problem)
-    elif vehicle.map.estimator == "auto":
+        inverse_map = with_manifold(None, vehicle, snapshots, structure, problem=problem)
+    else:
+        inverse_map = build_inverse_map(vehicle, snapshots, structure, problem=problem)
+    if vehicle.map.estimator == "auto":
         inverse_map = _by_auto(
             inverse_map,
             vehicle,
@@ -315,8 +316,7 @@ def _by_auto(
 
     def build(chosen: Snapshots) -> InverseMap:
         smaller = inverse_problem(vehicle, chosen, structure)
-        linear = build_inverse_map(vehicle, chosen, structure, problem=smaller)
-        return with_manifold(linear, vehicle, chosen, structure, problem=smaller)
+        return with_manifold(None, vehicle, chosen, structure, problem=smaller)
 
     with_tables, choice = inverse_map, None if (why := why_linear(vehicle)) is None else linear_because(why)
     if choice is None:

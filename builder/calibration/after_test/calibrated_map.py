@@ -102,10 +102,9 @@ def calibrated_map(
     if remainder is None:
         remainder = left_by_test(structure, remaining, ensemble_of(known, snapshots))
     problem = inverse_problem(known, snapshots, mapped, remainder.zeros, remainder.errors)
-    inverse_map = build_inverse_map(known, snapshots, mapped, remainder.zeros, problem)
     if vehicle.map.estimator == "nonlinear":
-        inverse_map = with_manifold(inverse_map, known, snapshots, mapped, remainder.zeros, problem)
-    return inverse_map
+        return with_manifold(None, known, snapshots, mapped, remainder.zeros, problem)
+    return build_inverse_map(known, snapshots, mapped, remainder.zeros, problem)
 
 
 def with_provenance(inverse_map: InverseMap, facts: Mapping[str, Any]) -> InverseMap:
