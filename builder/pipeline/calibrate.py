@@ -24,14 +24,14 @@ from builder.calibration.estimate.estimated_vehicle import Estimate
 from builder.calibration.estimate.ground_test_faults import calibrate_with_faults
 from builder.calibration.estimate.load_steps import step_remarks
 from builder.calibration.estimate.outside_terms import OutsideModel, outside_model
-from builder.calibration.estimate.readings_model import ReadingsModel
+from builder.calibration.estimate.readings_model import ReadingsModel, solved_loads
 from builder.calibration.estimate.remarks import remarks, unexplained
 from builder.calibration.ground_test.candidate_cases import harmonics_of_test
 from builder.calibration.ground_test.ground_test_readings import read_load_test
 from builder.calibration.ground_test.load_test import LoadTest
 from builder.calibration.ground_test.load_test_file import LoadTestFile, read_test_file
 from builder.calibration.ground_test.structure_of_test import prior_of_test, structure_of_test
-from builder.calibration.plan.worth_of_test import further_loads
+from builder.calibration.plan.worth_of_test import further_test
 from builder.campaign.snapshot_fit import as_flown, vehicle_misfits
 from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.pipeline.calibration_report import PAGE, PDF, calibration_findings, report_files, write_report
@@ -290,7 +290,7 @@ def calibration_by(
     prior = prior_of_test(vehicle, structure)
     with reporter.stage("Estimate: the vehicle as built"), _naming(test_path):
         # One solution serves the pressure that flies, the loads of the test, and loads that the report compares.
-        ahead = further_loads(vehicle, structure, test)
+        ahead = solved_loads(further_test(vehicle, structure, test))
         estimate, faults = calibrate_with_faults(ReadingsModel(structure, test, prior, ahead))
         outside = outside_model(estimate)
     against = unexplained(estimate, outside, faults)

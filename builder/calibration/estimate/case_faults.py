@@ -45,7 +45,7 @@ MASS, SIZE = 10.0, 0.3
 """Standard deviations of a mass that hangs on a load [kg], and of a load's own error [1]."""
 
 FITS = 1e-3
-"""Probability from which the readings of a case fit a cause."""
+"""Probability from which the readings of a gauge or of a case fit a cause."""
 
 FACTORS = {
     FORCES[actual] / FORCES[stated]: f"stated in {stated}, applied in {actual}"
@@ -285,16 +285,12 @@ class _Screen:
 
     def _of_attitudes(self, case: int, of_zeros: FloatArray) -> Iterator[_Cause]:
         stated = self.model.test.cases[case]
-        weight = [known.load for known in stated.loads]
-        if len(weight) != 1 or not isinstance(weight[0], Weight):
+        if len(stated.loads) != 1 or not isinstance(weight := stated.loads[0].load, Weight):
             return
+        angles = (weight.up_roll_angle + np.deg2rad([*TURNS])).tolist()
         turned = tuple(
-            replace(
-                stated,
-                name=text,
-                loads=(replace(stated.loads[0], load=_turned(weight[0], turn)),),
-            )
-            for turn, text in TURNS.items()
+            replace(stated, name=text, loads=(replace(stated.loads[0], load=replace(weight, up_roll_angle=up)),))
+            for up, text in zip(angles, TURNS.values(), strict=True)
         )
         reading, of_vehicle = self._bare(turned)
         for k, attitude in enumerate(turned):
@@ -326,8 +322,3 @@ class _Screen:
             more = (factor - 1.0) * forces[0]
             text += f", by {more:+.3g} N, the weight of {more / STANDARD_GRAVITY:+.2g} kg"
         return text, factor
-
-
-def _turned(weight: Weight, turn: float) -> Weight:
-    """Return own weight of the vehicle turned about its axis [deg]."""
-    return replace(weight, up_roll_angle=weight.up_roll_angle + float(np.deg2rad(turn)))

@@ -11,26 +11,22 @@ judged by the factor that would make it right, in that factor's standard deviati
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse import csr_array
 from scipy.special import chdtrc
 
-from builder.calibration.estimate.case_faults import MODEL, NO_CAUSE, Fault, case_fault_after, case_faults
+from builder.calibration.estimate.case_faults import FITS, MODEL, NO_CAUSE, Fault, case_fault_after, case_faults
 from builder.calibration.estimate.causes import Evidence, freed
 from builder.calibration.estimate.estimated_vehicle import Estimate, estimate, minimum, usable
 from builder.calibration.estimate.readings_model import Cause, ReadingsModel, scaled_columns
 from builder.structure.as_built.as_built_structure import OF_MASS
 from builder.structure.loads.applied import load_kind
-from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.errors import InputError
 
 GAUGE_ALARM = 1e-7
 """Probability that a sound gauge is called a fault; of a Gaussian linear model, so with room for what is not."""
-
-FITS = 1e-3
-"""Probability from which readings made right count as fitting."""
 
 LOAD_ALARM = 4.5
 """Standard deviations from which a load is called wrong."""
@@ -102,7 +98,7 @@ def _without_faults(model: ReadingsModel) -> tuple[Estimate, tuple[Fault, ...]]:
     fit = _about_its_loads(model, _left(model, faults))
     fit, faults = _with_causes(fit, faults)
     while True:
-        wrong = None if _blamed(fit.model, faults).are_many else worst_load(fit)
+        wrong = None if _are_many(fit.model, faults) else worst_load(fit)
         if wrong is None:
             return fit, tuple(faults)
         faults.append(wrong)
@@ -164,7 +160,7 @@ def _with_causes(fit: Estimate, faults: list[Fault]) -> tuple[Estimate, list[Fau
     """
     before, sure = fit, faults
     for _ in range(MOST_CAUSES):
-        if _blamed(fit.model, faults).are_many:
+        if _are_many(fit.model, faults):
             return fit, faults
         evidence = Evidence(fit.model, fit.used, fit.vector)
         cause = evidence.best()
@@ -233,40 +229,29 @@ def _left(model: ReadingsModel, faults: Sequence[Fault], among: BoolArray | None
     return used
 
 
-class _Blamed(NamedTuple):
-    """How many gauges and loads are left out as faults, and of how many. Own weight is no load here."""
-
-    gauges: int
-    of_gauges: int
-    loads: int
-    of_loads: int
-
-    @property
-    def are_many(self) -> bool:
-        """Whether more than :data:`MOST_AT_FAULT` of the gauges or of the loads are."""
-        return self.gauges > MOST_AT_FAULT * self.of_gauges or self.loads > MOST_AT_FAULT * self.of_loads
+def _are_many(model: ReadingsModel, faults: Sequence[Fault]) -> bool:
+    """Return whether more than :data:`MOST_AT_FAULT` of the gauges or of the loads are left out as faults."""
+    left_out, every = _blamed(model, faults)
+    return bool(np.any(left_out > MOST_AT_FAULT * every))
 
 
-def _blamed(model: ReadingsModel, faults: Sequence[Fault]) -> _Blamed:
+def _blamed(model: ReadingsModel, faults: Sequence[Fault]) -> IntArray:
+    """Return (2, 2) gauges and loads that are left out as faults, and of how many. Own weight is no load here."""
     read, blamed = usable(model), {fault.where for fault in faults}
     gauges = [name for g, name in enumerate(model.structure.gauges.names) if read[:, g].any()]
     cases = [case for k, case in enumerate(model.test.cases) if read[k].any()]
     loaded = [case for case in cases if not all(isinstance(known.load, OF_MASS) for known in case.loads)] or cases
-    return _Blamed(
-        gauges=len(blamed & set(gauges)),
-        of_gauges=len(gauges),
-        loads=len(blamed & {case.name for case in cases}),
-        of_loads=len(loaded),
-    )
+    left_out = len(blamed & set(gauges)), len(blamed & {case.name for case in cases})
+    return np.array([left_out, (len(gauges), len(loaded))])
 
 
 def too_many(model: ReadingsModel, faults: Sequence[Fault]) -> str:
     """Return that too many gauges, loads, or both are left out as faults, in one clause; empty otherwise."""
-    blamed = _blamed(model, faults)
-    if not blamed.are_many and not (blamed.gauges and blamed.loads):
+    (gauges, loads), (n_gauges, n_loads) = _blamed(model, faults).tolist()
+    if not _are_many(model, faults) and not (gauges and loads):
         return ""
     return (
-        f"{blamed.gauges} of {blamed.of_gauges} gauges and {blamed.loads} of {blamed.of_loads} loads would have "
+        f"{gauges} of {n_gauges} gauges and {loads} of {n_loads} loads would have "
         f"to be left out, expected at most {100.0 * MOST_AT_FAULT:g} % of the gauges or of the loads, not both; "
         "look for what they have in common, or correct what is named"
     )

@@ -142,14 +142,6 @@ class StatedErrors:
         return np.asarray(1.0 / np.sqrt(1.0 + np.sum(self.pad[:, -2:] ** 2, axis=1)))
 
 
-class _Kept(NamedTuple):
-    """Readings and derivatives at a vector, by all that the structure was solved for."""
-
-    vector: FloatArray
-    readings: FloatArray
-    jacobian: csr_array
-
-
 class _PadChanges(NamedTuple):
     """What errors of the loads change of the readings: linear about some errors, and exact there.
 
@@ -225,12 +217,15 @@ class ReadingsModel:
             structure.solve_for([*solved_loads(test), *ahead])
         except InputError:
             for case, known in self.loads:
-                self._refuse_unfit(test.cases[case].name, known.load)
+                try:
+                    structure.response(known.load)
+                except InputError as error:
+                    raise InputError(f"load case '{test.cases[case].name}': {error}") from error
             raise
         none = np.zeros((len(self.loads), len(PAD_STEPS)))
         self._pads = self._pad_changes(partial(structure.nominal_strain, structure.solved), none, 0.0)
         self._together: dict[str, Any] = {}
-        self._kept: dict[tuple[bool, bool], _Kept] = {}
+        self._kept: dict[tuple[bool, bool], tuple[FloatArray, FloatArray, csr_array]] = {}
         vehicle_names = parameter_names(structure.gauges.names, structure.counts)
         parts = self._parts_of_test()
         self.names = (*vehicle_names, *(name for names, _ in parts.values() for name in names))
@@ -431,13 +426,13 @@ class ReadingsModel:
         Measured readings and standard deviations do not change them.
         """
         place = not vector.any(), self._weighs_rig(vector)
-        cached = self._kept.get(place)
-        if cached is None or not np.array_equal(cached.vector, vector):
-            cached = self._kept[place] = _Kept(vector.copy(), *self._slopes(vector))
+        if place not in self._kept or not np.array_equal(self._kept[place][0], vector):
+            self._kept[place] = vector.copy(), *self._slopes(vector)
+        _, readings, jacobian = self._kept[place]
         unknown = np.ones(len(self.std))
         for key in set(derivative_keys(self.structure.counts)) - set(uncertain_keys(self.prior)):
             unknown[self._of_key(key)] = 0.0
-        return cached.readings, scaled_columns(cached.jacobian, unknown)
+        return readings, scaled_columns(jacobian, unknown)
 
     def _of_key(self, key: Key) -> slice:
         """Return where the parameters of a key stand in the vector."""
@@ -537,13 +532,6 @@ class ReadingsModel:
         u = force / self.full_scale[cell]
         curve = 6.0 * np.sqrt(3.0) * (1.0 - u) * (1.0 - 2.0 * u)
         return np.array([1.0, 1.0 / force, 4.0 * (1.0 - u), curve])
-
-    def _refuse_unfit(self, case: str, load: Load) -> None:
-        """Refuse a load that the structure cannot have, as it is stated, by the name of its case."""
-        try:
-            self.structure.response(load)
-        except InputError as error:
-            raise InputError(f"load case '{case}': {error}") from error
 
     def _pad_changes(self, strain_of: StrainOfLoads, error: FloatArray, size: float) -> _PadChanges:
         """Return what errors of the loads change about ``error`` (n_loads, 5), the ``size`` of all pads in it."""

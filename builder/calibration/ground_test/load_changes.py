@@ -6,9 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from builder.calibration.ground_test.load_entries import times
 from builder.calibration.ground_test.load_test import LoadCase
 from builder.structure.loads import applied
-from builder.structure.loads.applied import Load, Vector
+from builder.structure.loads.applied import Load
 from builder.structure.loads.temperature import TemperatureField
 from strainfmu.arrays import FloatArray
 
@@ -22,27 +23,25 @@ PLACED = applied.PadForce | applied.PadPressure | applied.PointForce
 """Loads that have a place on the outer surface."""
 
 
+SIZES: dict[type[Load], tuple[str, ...]] = {
+    applied.PadForce: ("force",),
+    applied.PointForce: ("force",),
+    applied.SurfaceForce: ("force",),
+    applied.PadPressure: ("push",),
+    applied.SurfacePressure: ("pressure",),
+    applied.SectionLoad: ("force", "moment"),
+    applied.Weight: ("gravity",),
+    applied.Acceleration: ("linear", "angular"),
+    applied.DistributedForce: ("force_per_length",),
+    TemperatureField: ("inner", "outer"),
+    applied.ApparentStrain: ("strain",),
+}
+"""Fields that a load is in proportion to."""
+
+
 def scaled(load: Load, factor: float) -> Load:
     """Return ``load`` times ``factor``."""
-    match load:
-        case applied.PadForce() | applied.PointForce() | applied.SurfaceForce():
-            return replace(load, force=_times(load.force, factor))
-        case applied.PadPressure():
-            return replace(load, push=factor * load.push)
-        case applied.SurfacePressure():
-            return replace(load, pressure=factor * load.pressure)
-        case applied.SectionLoad():
-            return replace(load, force=_times(load.force, factor), moment=_times(load.moment, factor))
-        case applied.Weight():
-            return replace(load, gravity=factor * load.gravity)
-        case applied.Acceleration():
-            return replace(load, linear=_times(load.linear, factor), angular=_times(load.angular, factor))
-        case applied.DistributedForce():
-            return replace(load, force_per_length=factor * load.force_per_length)
-        case TemperatureField():
-            return replace(load, inner=factor * load.inner, outer=factor * load.outer)
-        case applied.ApparentStrain():
-            return replace(load, strain=factor * load.strain)
+    return replace(load, **{name: times(getattr(load, name), factor) for name in SIZES[type(load)]})
 
 
 def moved(load: Load, along: float = 0.0, around: float = 0.0, longer: float = 0.0) -> Load:
@@ -53,16 +52,10 @@ def moved(load: Load, along: float = 0.0, around: float = 0.0, longer: float = 0
     """
     if not isinstance(load, PLACED):
         return load
-    if isinstance(load, applied.PointForce):
-        if not (along or around):
-            return load
-        return replace(load, station=load.station + along, roll_angle=load.roll_angle + around)
-    return replace(
-        load,
-        station=load.station + along,
-        roll_angle=load.roll_angle + around,
-        half_length=load.half_length * (1.0 + longer),
-    )
+    there = replace(load, station=load.station + along, roll_angle=load.roll_angle + around)
+    if isinstance(there, applied.PointForce):
+        return there
+    return replace(there, half_length=there.half_length * (1.0 + longer))
 
 
 def tilted(load: Load, first: float = 0.0, second: float = 0.0) -> Load:
@@ -147,8 +140,3 @@ def cell_force(load: Load) -> float:
     if isinstance(load, applied.PadPressure):
         return abs(load.push)
     return float(np.linalg.norm(load.force)) if isinstance(load, DIRECTED) else 0.0
-
-
-def _times(vector: Vector, factor: float) -> Vector:
-    x, y, z = vector
-    return factor * x, factor * y, factor * z

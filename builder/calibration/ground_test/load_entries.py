@@ -63,7 +63,7 @@ class LoadEntry(Section):
     def load(self) -> Any:
         """Return the load in SI."""
         stated = {IN_SI[name]: value for name, value in self if name in IN_SI and value is not None}
-        return self.applied(**{field: _times(value, unit) for (field, unit), value in stated.items()})
+        return self.applied(**{field: times(value, unit) for (field, unit), value in stated.items()})
 
     @classmethod
     def of(cls, load: Load) -> dict[str, Any]:
@@ -71,7 +71,7 @@ class LoadEntry(Section):
         (kind,) = get_args(cls.model_fields["kind"].annotation)
         stated = {name: IN_SI[name] for name in cls.model_fields if name in IN_SI}
         values = {
-            name: _rounded(_times(getattr(load, field), 1.0 / unit)) for name, (field, unit) in stated.items()
+            name: _rounded(times(getattr(load, field), 1.0 / unit)) for name, (field, unit) in stated.items()
         }
         return {"kind": kind, **values}
 
@@ -257,7 +257,7 @@ def entry_of(load: Load) -> dict[str, object]:
     return entries[0].of(load)
 
 
-def _times(value: Any, factor: float) -> Any:
+def times(value: Any, factor: float) -> Any:
     """Return a number, or a vector as a tuple, times ``factor``; a name stays."""
     if isinstance(value, str):
         return value

@@ -11,8 +11,8 @@ from builder.structure.loads.applied import Load
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import InputError
 
-REPLACED, BALANCED = "replaced", "balanced again"
-"""What happens to a gauge after a test: it has other errors, or another zero offset."""
+REPLACED = "replaced"
+"""What happens to a gauge after a test, if not that it is balanced again: it has other errors."""
 
 
 @dataclass(frozen=True, kw_only=True)

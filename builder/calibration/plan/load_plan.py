@@ -205,7 +205,8 @@ def load_plan(
     flight = flight_sensitivity(parts, exact)
     lead = attitudes or [PlannedCase(name="no load", loads=())]
     sample_std = exact.noise_std if noise is None else np.full(as_built.n_gauges, noise)
-    sensitivities = case_sensitivities(parts, [*lead, *offered], errors, sample_std / np.sqrt(samples))
+    candidates = test_of_cases(as_built, [*lead, *offered], errors, sample_std / np.sqrt(samples))
+    sensitivities = case_sensitivities(parts, candidates)
     first, bare = sensitivities[: len(lead)], sensitivities[len(lead) :]
     start = known = no_knowledge(flight)
     for case in first:
@@ -275,25 +276,23 @@ def flight_sensitivity(parts: PlanParts, exact: InverseMap) -> FlightSensitivity
     )
 
 
-def case_sensitivities(
-    parts: PlanParts, cases: Sequence[PlannedCase], errors: LoadErrors, noise_std: FloatArray
-) -> list[CaseSensitivity]:
-    """Return what cases would determine; the last parameter is the error of the load cell."""
+def case_sensitivities(parts: PlanParts, test: LoadTest) -> list[CaseSensitivity]:
+    """Return what the cases of a test would determine; the last parameter is the error of the load cell."""
     as_built = parts.as_built
     prior = as_built.prior(parts.vehicle.calibration)
-    model = ReadingsModel(as_built, test_of_cases(as_built, cases, errors, noise_std), prior)
+    model = ReadingsModel(as_built, test, prior)
     _, jacobian = model.jacobian(np.zeros(len(model.std)))
     jacobian = scaled_columns(jacobian, model.std)
     cell, n_d = model.names.index("load cell"), as_built.n_gauges
     of_vehicle = np.append(np.arange(model.n_built), cell)
     entries = np.setdiff1d(np.arange(model.n_built, len(model.std)), cell)
     sensitivities = []
-    for case in range(len(cases)):
-        rows = jacobian[case * n_d : (case + 1) * n_d].tocsc()
+    for number, case in enumerate(test.cases):
+        rows = jacobian[number * n_d : (number + 1) * n_d].tocsc()
         touched = entries[abs(rows).sum(axis=0)[entries] > 0.0]
         sensitivities.append(
             CaseSensitivity(
-                jacobian=rows[:, of_vehicle].tocsr(), error=rows[:, touched].toarray(), noise_std=noise_std
+                jacobian=rows[:, of_vehicle].tocsr(), error=rows[:, touched].toarray(), noise_std=case.reading_std
             )
         )
     return sensitivities

@@ -8,11 +8,9 @@ import numpy as np
 
 from builder.aero.load_operator import load_operator_on
 from builder.calibration.estimate.estimated_vehicle import Estimate
-from builder.calibration.estimate.readings_model import solved_loads
 from builder.calibration.estimate.regression import applied_loads
 from builder.calibration.ground_test.candidate_cases import (
     LoadLimits,
-    PlannedCase,
     attitude_cases,
     candidate_cases,
 )
@@ -30,7 +28,7 @@ from builder.calibration.plan.load_plan import (
 from builder.inverse.ensemble import ensemble_of
 from builder.inverse.problem import on_structure
 from builder.structure.as_built.displaced_structure import AnyAsBuilt
-from builder.structure.loads.applied import Load, Weight
+from builder.structure.loads.applied import Weight
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.other_loads import FIVE_LOADS
@@ -80,10 +78,8 @@ def worth_of_test(parts: PlanParts, fit: Estimate) -> WorthOfTest:
     exact = exactly_known_map(parts)
     flight = flight_sensitivity(parts, exact)
     after = Knowledge(flight=flight, covariance=_over_prior(parts, fit))
-    test = fit.model.test
-    cases, noise_std = further_cases(parts.vehicle, parts.as_built, test), np.median(test.reading_stds, axis=0)
-    sensitivities = case_sensitivities(parts, cases, test.errors, noise_std)
-    sigmas = [after.sigmas_after(case) for case in sensitivities]
+    test = further_test(parts.vehicle, parts.as_built, fit.model.test)
+    sigmas = [after.sigmas_after(case) for case in case_sensitivities(parts, test)]
     best = int(np.argmin([log_product(sigma) for sigma in sigmas]))
     ensemble = ensemble_of(parts.vehicle, on_structure(parts.snapshots, parts.structure))
     station = parts.vehicle.reference.moment_station_m
@@ -93,7 +89,7 @@ def worth_of_test(parts: PlanParts, fit: Estimate) -> WorthOfTest:
         before=no_knowledge(flight).sigmas,
         after=after.sigmas,
         exact=flight.sigmas(np.zeros_like(flight.noise_covariance)),
-        further=cases[best].name,
+        further=test.cases[best].name,
         with_further=sigmas[best],
         flight_loads=ensemble.responses(load_operator_on(parts.as_built.surface, station)[FIVE_LOADS]),
         ground_loads=applied_loads(fit.model, station, float(fit.parameters.mass[0]))[rows],
@@ -103,14 +99,8 @@ def worth_of_test(parts: PlanParts, fit: Estimate) -> WorthOfTest:
     )
 
 
-def further_loads(vehicle: Vehicle, structure: AnyAsBuilt, test: LoadTest) -> list[Load]:
-    """Return the loads that :func:`worth_of_test` solves the ``structure`` for."""
-    cases = further_cases(vehicle, structure, test)
-    return solved_loads(test_of_cases(structure, cases, test.errors, np.zeros(structure.n_gauges)))
-
-
-def further_cases(vehicle: Vehicle, structure: AnyAsBuilt, test: LoadTest) -> list[PlannedCase]:
-    """Return cases that could follow: pads with the largest force of the test, attitudes that it did not have."""
+def further_test(vehicle: Vehicle, structure: AnyAsBuilt, test: LoadTest) -> LoadTest:
+    """Return cases that could follow: pads with the largest force of a test, attitudes that it did not have."""
     force = max((cell_force(known.load) for case in test.cases for known in case.loads), default=0.0)
     limits = LoadLimits(force=force or USUAL_FORCE, roll_angles=ROLL_ANGLES)
     offered = candidate_cases(vehicle, limits, structure.outer_span)
@@ -125,7 +115,8 @@ def further_cases(vehicle: Vehicle, structure: AnyAsBuilt, test: LoadTest) -> li
     }
     attitudes = [] if structure.weightless else attitude_cases(limits)
     new = [attitude for attitude, up in zip(attitudes, limits.attitudes, strict=False) if round(up, 3) not in had]
-    return [within_limits(structure, pad, limits) for pad in pads] + new
+    cases = [*(within_limits(structure, pad, limits) for pad in pads), *new]
+    return test_of_cases(structure, cases, test.errors, np.median(test.reading_stds, axis=0))
 
 
 def _over_prior(parts: PlanParts, fit: Estimate) -> FloatArray:
