@@ -165,10 +165,9 @@ def _pad_weight(
 ) -> tuple[IntArray, FloatArray]:
     """Return the points (k,) under a pad, and there its raised cosine times area (k,) [m2]."""
     check_stations(structure.outer_span, np.array([pad.station]))
-    distance = points.position[:, 0] - pad.station
+    distance = points.station - pad.station
     near = np.flatnonzero(np.abs(distance) < pad.half_length)
-    y, z = points.position[near, 1:].T
-    turn = np.arctan2(y, z) - pad.roll_angle
+    turn = points.roll_angle[near] - pad.roll_angle
     around = (np.mod(turn + np.pi, 2.0 * np.pi) - np.pi) / pad.half_angle
     within = np.abs(around) < 1.0
     chosen, around = near[within], around[within]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -114,6 +115,16 @@ class SurfacePoints:
     position: FloatArray
     normal: FloatArray
     area: FloatArray
+
+    @cached_property
+    def station(self) -> FloatArray:
+        """(n,) [m]."""
+        return self.position[:, 0].copy()
+
+    @cached_property
+    def roll_angle(self) -> FloatArray:
+        """(n,) [rad]."""
+        return np.arctan2(self.position[:, 1], self.position[:, 2])
 
 
 class LoadedStructure(Protocol):
