@@ -119,27 +119,36 @@ LET_GO: list[bool] = []
 """Not empty once a bridge, at its end, has let go what was frozen."""
 
 
+def freeze_again() -> None:
+    """Freeze what is there again behind a bridge: the next one would look through all of it.
+
+    That takes a second where thousands of tests are known. To count what is frozen takes as long.
+    """
+    if LET_GO:
+        LET_GO.clear()
+        gc.freeze()
+
+
 @pytest.fixture(scope="session", autouse=True)
 def noted_unfreeze() -> Iterator[None]:
-    unfreeze = gc.unfreeze
+    unfreeze, collect = gc.unfreeze, gc.collect
 
     def noted() -> None:
         unfreeze()
         LET_GO.append(True)
 
+    def collect_what_is_new(generation: int = 2) -> int:
+        freeze_again()
+        return collect(generation)
+
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(gc, "unfreeze", noted)
+        patch.setattr(gc, "collect", collect_what_is_new)
         yield
 
 
 def pytest_runtest_setup() -> None:
-    """Freeze what is there again behind a bridge: the next one would look through all of it.
-
-    That takes more than a second where thousands of tests are known. To count what is frozen takes as long.
-    """
-    if LET_GO:
-        LET_GO.clear()
-        gc.freeze()
+    freeze_again()
 
 
 @pytest.hookimpl(tryfirst=True)  # before xdist reads the groups
