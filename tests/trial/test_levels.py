@@ -113,10 +113,11 @@ def test_steps_and_searches_find_the_same_tail(
     full_map: InverseMap, calibrated: InverseMap, flights: Readings
 ) -> None:
     """A step of two iterations from the state of the flight leaves up to a quarter more than a search does."""
+    flights = flights.rows(np.arange(0, 10_000, 2))
     of_steps, estimator = tail_ratios(full_map, flights), Estimator(full_map)
     known = {name: value for name, value in flights.known.items() if name != "altitude"}
     of_searches = _ratios(estimator, estimator.estimate(flights.strain, **known))
-    assert of_steps.shape == of_searches.shape == (3, 10_000)
+    assert of_steps.shape == of_searches.shape == (3, 5_000)
     np.testing.assert_allclose(alarm_scales(of_steps), alarm_scales(of_searches), rtol=0.25)
     for name in ("nonlinear", "nonlinear stepping"):
         health = of_map(calibrated, name)(flights.rows(np.arange(200))).health

@@ -68,7 +68,7 @@ def both(held: bool) -> tuple[FourierStructure, SolidStructure]:
         properties=PROPERTIES,
         max_harmonic=14,
     )
-    mesh = full_mesh(swept_meridian(tube_mesh(ENDS, INSIDE, OUTSIDE, 0.0125, 1, "free", end), 40))
+    mesh = full_mesh(swept_meridian(tube_mesh(ENDS, INSIDE, OUTSIDE, 0.0167, 1, "free", end), 32))
     supports = [Clamped(SUPPORT)] if held else None
     return fourier, solid_structure(mesh, METAL, gauges_at(position, direction), supports, PROPERTIES)
 
