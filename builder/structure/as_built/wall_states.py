@@ -75,7 +75,8 @@ class ForceRows:
 
     def split(self, force: FloatArray) -> SplitForces:
         """Return nodal forces (2, n_m, n_nodes, 3) on the outer surface and within."""
-        loaded: BoolArray = np.asarray(np.moveaxis(force, 2, 0).reshape(self.n_nodes, -1).any(axis=1))
+        by_component = force.reshape(-1, 3 * self.n_nodes).any(axis=0)
+        loaded: BoolArray = np.asarray(by_component.reshape(-1, 3).any(axis=1))
         loaded_nodes = np.flatnonzero(loaded[self.outer])
         span = slice(loaded_nodes[0], loaded_nodes[-1] + 1) if len(loaded_nodes) else slice(0)
         outer = force[:, :, self.outer[span]].reshape(2, force.shape[1], -1)
