@@ -9,35 +9,18 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import cantools
 import pytest
+from synthetic_vehicle import SyntheticFiles, synthetic_inverse_map
+
+from strainfmu.estimator.map.inverse_map import save_inverse_map
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_the_command_ends_on_a_signal_with_a_summary(number: int, tmp_path: Path) -> None:
-    from synthetic_vehicle import synthetic_inverse_map
-
-    from strainfmu.estimator.map.inverse_map import save_inverse_map
-    from strainfmu.fmu.export import export_estimator
-
-    save_inverse_map(synthetic_inverse_map(), tmp_path / "map.h5")
-    export_estimator(tmp_path / "map.h5", tmp_path / "e.fmu")
-    command = [
-        sys.executable,
-        "-c",
-        "from strainfmu.cli.main import main; main()",
-        "bridge",
-        str(tmp_path / "e.fmu"),
-    ]
-    command += [
-        "--interface",
-        "virtual",
-        "--channel",
-        "x",
-        "--profile",
-        "classic-le",
-        "--set",
-        "input.dynamic_pressure_pa=1e5",
-    ]
+def test_the_command_ends_on_ctrl_c_with_a_summary(synthetic: SyntheticFiles) -> None:
+    """As on SIGTERM, which ends the bridges of test_two_processes.py and test_bus_file.py."""
+    command = [sys.executable, "-c", "from strainfmu.cli.main import main; main()", "bridge"]
+    command += [str(synthetic.estimator_1), "--interface", "virtual", "--channel", "x", "--profile", "classic-le"]
+    command += ["--set", "input.dynamic_pressure_pa=1e5"]
     ears = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     ears.bind(("127.0.0.1", 0))
     ears.settimeout(120.0)
@@ -46,7 +29,7 @@ def test_the_command_ends_on_a_signal_with_a_summary(number: int, tmp_path: Path
         assert bridge.stdout is not None
         assert "6 gauges, classic-le" in bridge.stdout.readline()
         ears.recv(1 << 16)  # it has answered the silence
-        bridge.send_signal(number)
+        bridge.send_signal(signal.SIGINT)
         printed, errors = bridge.communicate(timeout=120)
     assert bridge.returncode == 0, errors
     assert errors == ""
@@ -95,11 +78,6 @@ def test_wrong_arguments_are_one_line_and_exit_code_2(
 
 
 def test_the_dbc_command_writes_a_file(run: Callable[..., tuple[int, str, str]], tmp_path: Path) -> None:
-    import cantools
-    from synthetic_vehicle import synthetic_inverse_map
-
-    from strainfmu.estimator.map.inverse_map import save_inverse_map
-
     save_inverse_map(synthetic_inverse_map(1, 54), tmp_path / "map.h5")
     code, printed, _ = run(
         *("dbc", tmp_path / "map.h5", "-o", tmp_path / "x.dbc"),
