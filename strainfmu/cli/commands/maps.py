@@ -27,7 +27,10 @@ if TYPE_CHECKING:
 
 def build(*, vehicle: Path, **options: Any) -> None:
     """Build a map and print the files."""
-    with naming(vehicle):
+    from builder.processors import keep_freed_memory, one_thread_of_blas
+
+    keep_freed_memory()
+    with naming(vehicle), one_thread_of_blas():
         path = builder.build(vehicle, **options, progress=True)
     say(*(f"{file}: written" for file in (path, path.with_name("report.html")) if file.is_file()))
 
