@@ -205,7 +205,7 @@ def load_plan(
     flight = flight_sensitivity(parts, exact)
     lead = attitudes or [PlannedCase(name="no load", loads=())]
     sample_std = exact.noise_std if noise is None else np.full(as_built.n_gauges, noise)
-    candidates = test_of_cases(as_built, [*lead, *offered], errors, sample_std / np.sqrt(samples))
+    candidates = planned_test(as_built, [*lead, *offered], errors, sample_std / np.sqrt(samples))
     sensitivities = case_sensitivities(parts, candidates)
     first, bare = sensitivities[: len(lead)], sensitivities[len(lead) :]
     start = known = no_knowledge(flight)
@@ -298,7 +298,7 @@ def case_sensitivities(parts: PlanParts, test: LoadTest) -> list[CaseSensitivity
     return sensitivities
 
 
-def test_of_cases(
+def planned_test(
     as_built: AnyAsBuilt, cases: Sequence[PlannedCase], errors: LoadErrors, noise_std: FloatArray
 ) -> LoadTest:
     """Return the test of planned ``cases``, nothing read yet."""

@@ -22,7 +22,7 @@ from builder.calibration.plan.load_plan import (
     case_sensitivities,
     exactly_known_map,
     flight_sensitivity,
-    test_of_cases,
+    planned_test,
     within_limits,
 )
 from builder.inverse.ensemble import ensemble_of
@@ -116,7 +116,7 @@ def further_test(vehicle: Vehicle, structure: AnyAsBuilt, test: LoadTest) -> Loa
     attitudes = [] if structure.weightless else attitude_cases(limits)
     new = [attitude for attitude, up in zip(attitudes, limits.attitudes, strict=False) if round(up, 3) not in had]
     cases = [*(within_limits(structure, pad, limits) for pad in pads), *new]
-    return test_of_cases(structure, cases, test.errors, np.median(test.reading_stds, axis=0))
+    return planned_test(structure, cases, test.errors, np.median(test.reading_stds, axis=0))
 
 
 def _over_prior(parts: PlanParts, fit: Estimate) -> FloatArray:
