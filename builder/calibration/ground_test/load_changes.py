@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 
@@ -10,7 +10,6 @@ from builder.calibration.ground_test.load_entries import times
 from builder.calibration.ground_test.load_test import LoadCase
 from builder.structure.loads import applied
 from builder.structure.loads.applied import Load
-from builder.structure.loads.temperature import TemperatureField
 from strainfmu.arrays import FloatArray
 
 DIRECTED = applied.PadForce | applied.PointForce | applied.SurfaceForce | applied.SectionLoad
@@ -22,26 +21,16 @@ ALONG = 1e-6
 PLACED = applied.PadForce | applied.PadPressure | applied.PointForce
 """Loads that have a place on the outer surface."""
 
-
-SIZES: dict[type[Load], tuple[str, ...]] = {
-    applied.PadForce: ("force",),
-    applied.PointForce: ("force",),
-    applied.SurfaceForce: ("force",),
-    applied.PadPressure: ("push",),
-    applied.SurfacePressure: ("pressure",),
-    applied.SectionLoad: ("force", "moment"),
-    applied.Weight: ("gravity",),
-    applied.Acceleration: ("linear", "angular"),
-    applied.DistributedForce: ("force_per_length",),
-    TemperatureField: ("inner", "outer"),
-    applied.ApparentStrain: ("strain",),
-}
-"""Fields that a load is in proportion to."""
+WHERE = frozenset(
+    ("station", "roll_angle", "half_length", "half_angle", "surface", "up_roll_angle", "nose_elevation")
+)
+"""Fields of loads that do not change with their size."""
 
 
 def scaled(load: Load, factor: float) -> Load:
     """Return ``load`` times ``factor``."""
-    return replace(load, **{name: times(getattr(load, name), factor) for name in SIZES[type(load)]})
+    sizes = [field.name for field in fields(load) if field.name not in WHERE]
+    return replace(load, **{name: times(getattr(load, name), factor) for name in sizes})
 
 
 def moved(load: Load, along: float = 0.0, around: float = 0.0, longer: float = 0.0) -> Load:
