@@ -281,17 +281,6 @@ class Area:
     y: tuple[float, float]
     pad: tuple[float, float] = (0.0, 0.0)
 
-    def in_figure(self, figure: Figure) -> Rectangle:
-        """Return left, top, width and height over the figure's, as it is laid out."""
-        within_x, within_y = sorted(self.axis.get_xlim()), sorted(self.axis.get_ylim())
-        corner = np.column_stack([np.clip(self.x, *within_x), np.clip(self.y, *within_y)])
-        # Points of 1/72 in; dots go with the figure's resolution.
-        pad = np.multiply(self.pad, figure.dpi / 72.0)
-        corners = self.axis.transData.transform(corner)
-        size = np.array([figure.bbox.width, figure.bbox.height])
-        low, high = (corners.min(axis=0) - pad) / size, (corners.max(axis=0) + pad) / size
-        return float(low[0]), float(1.0 - high[1]), float(high[0] - low[0]), float(high[1] - low[1])
-
 
 def mark(axis: Any, x: float, y: float, radius: float = MARK) -> Area:
     """Return the square about a mark at a point in data coordinates; ``radius`` [pt]."""
@@ -335,6 +324,24 @@ class ValuedFigure:
 
     def places(self) -> tuple[Place, ...]:
         """Return the texts with their rectangles; the figure must have been drawn, so that its layout is final."""
-        return tuple(
-            Place(text, tuple(area.in_figure(self.figure) for area in areas)) for text, areas in self.texts
-        )
+        by_axis = dict[int, list[Area]]()
+        for area in dict.fromkeys(area for _, areas in self.texts for area in areas):
+            by_axis.setdefault(id(area.axis), []).append(area)
+        rectangles = dict[Area, Rectangle]()
+        for of_axis in by_axis.values():
+            rectangles |= zip(of_axis, _in_figure(self.figure, of_axis), strict=True)
+        return tuple(Place(text, tuple(rectangles[area] for area in areas)) for text, areas in self.texts)
+
+
+def _in_figure(figure: Figure, areas: list[Area]) -> list[Rectangle]:
+    """Return left, top, width and height of areas of one pair of axes over the figure's, as it is laid out."""
+    axis = areas[0].axis
+    within = np.sort([axis.get_xlim(), axis.get_ylim()], axis=1)
+    ends = np.clip([[area.x, area.y] for area in areas], within[:, :1], within[:, 1:])  # area, x or y, end
+    corners = axis.transData.transform(ends.swapaxes(1, 2).reshape(-1, 2)).reshape(-1, 2, 2)
+    # Points of 1/72 in; dots go with the figure's resolution.
+    pad = np.array([area.pad for area in areas]) * (figure.dpi / 72.0)
+    size = np.array([figure.bbox.width, figure.bbox.height])
+    low, high = (corners.min(axis=1) - pad) / size, (corners.max(axis=1) + pad) / size
+    of_figure = np.column_stack([low[:, 0], 1.0 - high[:, 1], high - low])
+    return [(left, top, width, height) for left, top, width, height in of_figure.tolist()]

@@ -204,9 +204,11 @@ def build_report(
 
 def _same(solution: Solution, inverse_map: InverseMap) -> bool:
     """Return whether the map is the map of the solution, up to round-off."""
-    a, b = solution.solved.state_operator, inverse_map.state_operator
+    a, b, error = solution.solved.state_operator, inverse_map.state_operator, inverse_map.error_strain
+    # The map's noise_covariance, by BLAS: of thousands of gauges in a tenth of the time.
+    noise = inverse_map.gauge_covariance + np.diag(inverse_map.own_error_strain**2) + error @ error.T
     # A A' does not depend on the choice of states, nor on those that no gauge observes.
-    pairs = ((solution.noise.covariance, inverse_map.noise_covariance), (a @ a.T, b @ b.T))
+    pairs = ((solution.noise.covariance, noise), (a @ a.T, b @ b.T))
     return all(
         first.shape == second.shape and np.linalg.norm(first - second) <= 1e-6 * np.linalg.norm(second)
         for first, second in pairs

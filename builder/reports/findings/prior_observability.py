@@ -24,7 +24,6 @@ from builder.structure.observability import SYMMETRIES
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.linear.pressure_modes import PressureModes
-from strainfmu.linear.state_map import gaussian_map
 
 Mirrors = tuple[sparse.csr_array, sparse.csr_array]
 
@@ -202,9 +201,12 @@ def _error_factor(problem: Problem, solution: Solution, modes: PressureModes, st
 
 def _best_error_factor(problem: Problem, modes: PressureModes, strain: FloatArray) -> FloatArray:
     """Return the same (k, k) [Pa] of the Bayesian estimate with all modes as states."""
-    std, noise = modes.coefficient_std, NoiseModel(problem.noise)
-    solved = gaussian_map(strain * std, np.zeros(len(strain)), noise.covariance)
-    return std[:, None] * solved.error_factor()
+    std = modes.coefficient_std
+    whitened = NoiseModel(problem.noise).whitening @ (strain * std)
+    _, singular, right = np.linalg.svd(whitened, full_matrices=len(whitened) < len(std))
+    eigenvalues = np.pad(singular**2, (0, len(std) - len(singular)))
+    # The covariance of the error is the inverse Hessian, V diag(1 / (lambda + 1)) V^T of unit states.
+    return np.asarray(std[:, None] * right.T / np.sqrt(eigenvalues + 1.0))
 
 
 def _removed(remaining: FloatArray | float, prior: FloatArray | float) -> FloatArray:
