@@ -18,7 +18,6 @@ from itertools import combinations
 from typing import NamedTuple, TypedDict
 
 import numpy as np
-from scipy.optimize import brentq
 from scipy.sparse.csgraph import connected_components
 from scipy.special import ndtr
 
@@ -40,6 +39,7 @@ from strainfmu.estimator.reference.gain import load_covariance, noise_precision,
 from strainfmu.estimator.reference.linear import models
 from strainfmu.estimator.reference.nonlinear import NonlinearReference, Sample, coefficient_slopes
 
+NEWTON_STEPS = 100
 PAIRED = 512
 """Gauges at most whose losses in pairs are looked into: those whose own loss costs most."""
 
@@ -183,23 +183,33 @@ def isolable_bias(
     |rho| = 1 or nothing checks the gauge. ``precision`` (n,) holds P_ii.
     """
 
-    def delta(gauge: int) -> float:
-        rho = np.delete(correlation[gauge], gauge)
-        row = np.sqrt(np.maximum(1.0 - np.concatenate([rho, -rho]), 0.0) / 2.0)
-
-        def excess(delta: float) -> float:
-            return float(ndtr(threshold - delta) + ndtr(-delta * row).sum()) - miss_probability
-
+    bias, last = np.full(len(precision), np.inf), threshold + 1.0
+    for gauge, rho in enumerate(correlation):
+        others = np.delete(rho, gauge)
+        row = np.sqrt(np.maximum(1.0 - np.concatenate([others, -others]), 0.0) / 2.0)
         # Two gauges closer than this differ by round-off alone.
-        if row.min(initial=1.0) < 1e-7:
-            return np.inf
-        high = threshold + 1.0
-        while excess(high) > 0.0:
-            high *= 2.0
-        return float(brentq(excess, 0.0, high))
-
+        if row.min(initial=1.0) >= 1e-7:
+            bias[gauge] = last = _isolated(row, threshold, miss_probability, last)
     with np.errstate(divide="ignore"):
-        return np.asarray([delta(gauge) for gauge in range(len(precision))] / np.sqrt(precision))
+        return np.asarray(bias / np.sqrt(precision))
+
+
+def _isolated(row: FloatArray, threshold: float, miss_probability: float, start: float) -> float:
+    """Return delta with Phi(k - delta) + sum_j Phi(-delta ``row``_j) = ``miss_probability``, by Newton's method.
+
+    The sum is convex from k on, where it is one half at least: behind the first step delta grows to the root.
+    """
+    delta, rates = start, np.append(row, 1.0)
+    for _ in range(NEWTON_STEPS):
+        terms = np.append(delta * row, delta - threshold)
+        slope = float(rates @ np.exp(-0.5 * terms**2)) / np.sqrt(2.0 * np.pi)
+        excess = float(ndtr(-terms).sum()) - miss_probability
+        # So far beyond the root that the slope is round-off: begin again.
+        step = excess / slope if slope > 1e-100 else threshold - delta
+        delta = max(delta + step, threshold)
+        if abs(step) <= 1e-12 * delta:
+            break
+    return delta
 
 
 class _About(NamedTuple):
