@@ -344,4 +344,4 @@ def _in_figure(figure: Figure, areas: list[Area]) -> list[Rectangle]:
     size = np.array([figure.bbox.width, figure.bbox.height])
     low, high = (corners.min(axis=1) - pad) / size, (corners.max(axis=1) + pad) / size
     of_figure = np.column_stack([low[:, 0], 1.0 - high[:, 1], high - low])
-    return [(left, top, width, height) for left, top, width, height in of_figure.tolist()]
+    return [(x, y, width, height) for x, y, width, height in of_figure.tolist()]

@@ -41,10 +41,10 @@ def moved(load: Load, along: float = 0.0, around: float = 0.0, longer: float = 0
     """
     if not isinstance(load, PLACED):
         return load
-    there = replace(load, station=load.station + along, roll_angle=load.roll_angle + around)
-    if isinstance(there, applied.PointForce):
-        return there
-    return replace(there, half_length=there.half_length * (1.0 + longer))
+    shifted = replace(load, station=load.station + along, roll_angle=load.roll_angle + around)
+    if isinstance(shifted, applied.PointForce):
+        return shifted
+    return replace(shifted, half_length=shifted.half_length * (1.0 + longer))
 
 
 def tilted(load: Load, first: float = 0.0, second: float = 0.0) -> Load:

@@ -185,8 +185,8 @@ def isolable_bias(
 
     bias, last = np.full(len(precision), np.inf), threshold + 1.0
     for gauge, rho in enumerate(correlation):
-        others = np.delete(rho, gauge)
-        row = np.sqrt(np.maximum(1.0 - np.concatenate([others, -others]), 0.0) / 2.0)
+        of_pairs = np.delete(rho, gauge)
+        row = np.sqrt(np.maximum(1.0 - np.concatenate([of_pairs, -of_pairs]), 0.0) / 2.0)
         # Two gauges closer than this differ by round-off alone.
         if row.min(initial=1.0) >= 1e-7:
             bias[gauge] = last = _isolated(row, threshold, miss_probability, last)
