@@ -1,7 +1,5 @@
 """The flight of the bus benchmark: strains and dynamic pressure that a map holds for possible, as frames."""
 
-from __future__ import annotations
-
 import struct
 from dataclasses import dataclass, field, replace
 

@@ -1,7 +1,5 @@
 """Cost of the parts of a map: one march of the Euler solver and one structure, both of the shipped vehicle."""
 
-from __future__ import annotations
-
 from math import radians
 
 from builder.aero.euler.bodies.solver import solve_flow

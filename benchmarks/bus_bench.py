@@ -4,8 +4,6 @@ Sender, bridge and python-can's loop are processes of their own over udp_multica
 it is late itself: a cycle counts for the bridge only if it was sent on time.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import tempfile

@@ -1,7 +1,5 @@
 """One step of the estimator: from Python, native FMU in a C host, and a cycle of the bus around it."""
 
-from __future__ import annotations
-
 import tempfile
 from collections.abc import Callable
 from contextlib import ExitStack

@@ -14,8 +14,6 @@ The data go one way: :mod:`builder.vehicle` -> :mod:`builder.aero` and :mod:`bui
 :mod:`builder.structure` (strain per pressure) -> :mod:`builder.inverse` -> the map, for :mod:`strainfmu`.
 """
 
-from __future__ import annotations
-
 from strainfmu.public_names import lazily
 
 __getattr__, __dir__ = lazily(__name__)

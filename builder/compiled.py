@@ -1,7 +1,5 @@
 """Compilation of numerical functions by numba."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import TypeVar, cast
 

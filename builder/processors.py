@@ -1,7 +1,5 @@
 """The processors that this process may use, threads of BLAS on them, and its memory."""
 
-from __future__ import annotations
-
 import ctypes
 import os
 import sys

@@ -1,7 +1,5 @@
 """Interface by which long work reports its progress, without knowing who listens."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Protocol

@@ -16,8 +16,6 @@
 Names of entries are as in messages on the vehicle file: ``section.entry``, items of lists by their number.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial

@@ -1,7 +1,5 @@
 """A folder of results with a record of what each was made from, so that nothing is computed twice."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

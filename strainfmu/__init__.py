@@ -10,8 +10,6 @@ Names are imported when they are used first. Applying a map needs numpy and h5py
 ``strainfmu build`` makes the maps.
 """
 
-from __future__ import annotations
-
 from strainfmu.public_names import lazily
 from strainfmu.version import __version__ as __version__
 

@@ -1,7 +1,5 @@
 """Estimates of any recording: of the columns of a recorder, or of the log of a bus, which is computed again."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from math import isnan
 from pathlib import Path

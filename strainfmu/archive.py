@@ -1,7 +1,5 @@
 """Zip archives: bytes that depend on their content alone, as of FMUs and SSP packages; a limit on their size."""
 
-from __future__ import annotations
-
 import io
 import zipfile
 from collections.abc import Mapping

@@ -1,8 +1,6 @@
 """Array types by the kind of their values, and covariances; shapes and units stand in the docstrings of what uses
 them."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

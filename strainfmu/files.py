@@ -4,8 +4,6 @@ HDF5 is composed in memory and written as one block of bytes, so that a full dis
 the previous file untouched and never a half-written one. What is too long for that is written to a temporary file.
 """
 
-from __future__ import annotations
-
 import hashlib
 import io
 import json

@@ -4,8 +4,6 @@ Parsers of binary formats loop, crash or allocate without limit on some damaged 
 then read in this process, or comes from the child item by item; systems that do not fork go without.
 """
 
-from __future__ import annotations
-
 import faulthandler
 import os
 import pickle

@@ -1,7 +1,5 @@
 """HTML that all pages of the project share: long tables fold, and nothing is clipped in a narrow window."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from html import escape
 

@@ -1,7 +1,5 @@
 """Public names of a package: listed once, in its stub ``__init__.pyi``, and imported when they are first used."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable
 from functools import cache

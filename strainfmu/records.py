@@ -6,8 +6,6 @@ group of its own; None is left out and comes back as None. A field of :data:`OPT
 out comes back as its default.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import Field, fields, is_dataclass

@@ -8,8 +8,6 @@ names: name, kind, rank, four lengths, position. Then the arrays, row by row, ea
 ``fmus/native/estimator/map/container.c`` reads it.
 """
 
-from __future__ import annotations
-
 import re
 import struct
 import zlib

@@ -1,7 +1,5 @@
 """Cells of texts: numbers with decimal marks and thousands, dates and times, and texts that stand for no value."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field

@@ -4,8 +4,6 @@ A file may be named by mistake. So a file without end is given up early, and a m
 which nothing is as expected.
 """
 
-from __future__ import annotations
-
 import csv
 import io
 import tomllib

@@ -1,7 +1,5 @@
 """Units that files may use, by name, with the factor to SI."""
 
-from __future__ import annotations
-
 from math import pi
 
 _MICROSTRAIN = (

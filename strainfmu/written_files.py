@@ -1,7 +1,5 @@
 """Files that a command writes are none of those that it reads: a slip of the hand must not cost a recording."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any

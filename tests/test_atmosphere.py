@@ -1,7 +1,5 @@
 """The atmosphere against the published tables, and flight conditions against their definitions."""
 
-from __future__ import annotations
-
 from math import acos, atan2, cos, degrees, pi, radians, sin
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The benchmarks under ``benchmarks/`` run: each once, without asv."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The benchmark of the bus: every cycle sent on time has an outcome, and its table holds the figures."""
 
-from __future__ import annotations
-
 import shutil
 import sys
 from dataclasses import replace

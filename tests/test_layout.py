@@ -1,7 +1,5 @@
 """Rules of the house that no linter knows, read from the sources."""
 
-from __future__ import annotations
-
 import ast
 from collections import Counter
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Memory of a process that calibrates, and its threads of BLAS."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """The public names of strainfmu: there, lazy, and enough for the first lines that a user writes."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The page of the rooms: every file has a room, and none grows without a word."""
 
-from __future__ import annotations
-
 import pytest
 from rooms import MEASURES, PAGE, ROOT, TREES, lines_of_rooms, rows
 

@@ -1,7 +1,5 @@
 """TOML files of every kind: a byte-order mark is passed over, what is no TOML is refused in one line."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -6,8 +6,6 @@ Engines: :class:`builder.aero.engines.euler.EulerEngine` (the marching solver),
 these members; campaigns, the command line and reports need no change.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from math import degrees

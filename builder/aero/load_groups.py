@@ -9,8 +9,6 @@ Triangles that the plane cuts are cut: pressure stays linear over the pieces, so
 Parts of a triangulated surface, cut exactly: pressure stays linear over the pieces of a triangle.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import cos, radians, sin

@@ -1,7 +1,5 @@
 """Forces and moments of a surface pressure: the rows of G C_map."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 import numpy as np

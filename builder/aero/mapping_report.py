@@ -1,7 +1,5 @@
 """Quality of a mapping: how well two surfaces agree, what a transfer loses, and when it is refused."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -14,8 +14,6 @@ problems with non-matching discrete interfaces", Comput. Methods Appl. Mech. Eng
 Mirror images of pressure on surfaces that have no grid.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

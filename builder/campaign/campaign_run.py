@@ -8,8 +8,6 @@ nothing: its conditions are named in the result, and a campaign started again tr
 Campaign of a vehicle file: its engine, conditions and settings.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, fields, is_dataclass

@@ -3,8 +3,6 @@
 Reach of an engine: the extreme flows of a set of conditions are solved ahead of the campaign.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import degrees

@@ -1,7 +1,5 @@
 """Snapshots for other programs: one file per flight condition, and the manifest that reads them back."""
 
-from __future__ import annotations
-
 import io
 from math import degrees
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Schedulers of flows: threads of this process, local processes, or the workers of a Dask scheduler."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Generator, Iterable
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import closing

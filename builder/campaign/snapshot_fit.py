@@ -4,8 +4,6 @@ A map needs the pressure on its vehicle's surface, whatever engine, cells and co
 pressure and reference quantities are taken from the vehicle file, so those in the snapshots need not agree.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from pathlib import Path

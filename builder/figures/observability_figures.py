@@ -1,7 +1,5 @@
 """Figures of what the gauges observe: classes of symmetry, the unrolled body, POD modes, singular values."""
 
-from __future__ import annotations
-
 from collections.abc import Collection
 from itertools import product
 

@@ -4,8 +4,6 @@ glTF has y up and metres; a rotation of the root node keeps body axes in the coo
 y starboard, z up). Source: glTF 2.0 specification, Khronos Group (ISO/IEC 12113:2022).
 """
 
-from __future__ import annotations
-
 import json
 import struct
 from collections.abc import Sequence

@@ -3,8 +3,6 @@
 The map of a solved problem: its operators, parts of the form "dynamic_pressure", field and provenance.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from math import degrees

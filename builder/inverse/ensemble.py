@@ -7,8 +7,6 @@ round a body of revolution is valid at every roll angle, and its mirror image is
 rolled ensemble are the distinct flows at some 24 roll angles; means and modes are taken over all roll angles.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property

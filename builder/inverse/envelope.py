@@ -3,8 +3,6 @@
 The limit of the envelope score follows from flights of the snapshots themselves, with every error drawn.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import combinations, product

@@ -1,7 +1,5 @@
 """Which modes are states of a map of Case 1, which are not, and why: as numbers, and in words."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

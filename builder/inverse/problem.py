@@ -3,8 +3,6 @@
 Noise of the gauges and further modes of strain error, from the section [noise] of a vehicle file.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

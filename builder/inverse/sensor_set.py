@@ -1,7 +1,5 @@
 """Rows of the sensors other than the strain gauges: reading per surface pressure, noise, errors, nuisances."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

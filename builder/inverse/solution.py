@@ -1,7 +1,5 @@
 """The solution of either case from snapshots, strain and loads per pressure, and noise."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Literal, cast

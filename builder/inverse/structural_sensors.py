@@ -6,8 +6,6 @@ gauges: Young's modulus (the common gain), and the thickness of the wall.
 The row of one sensor other than the strain gauges: reading per surface pressure, noise, errors.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

@@ -10,8 +10,6 @@ Pressure on the surface over the flight state, and how far it may be off: what a
 Snapshots of any shape as a grid of Mach number, angle of attack, sideslip and flow parameters.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product

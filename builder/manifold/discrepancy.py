@@ -4,8 +4,6 @@ Each is a set of pressure fields of one standard deviation, per p_inf; what the 
 and loads.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from builder.aero.surface.mesh import SurfaceMesh

@@ -14,8 +14,6 @@ Tables whose gauges read two winds alike are refused. Gauges in one plane throug
 and of its mirror image: strain has two solutions, and the covariance of one knows nothing of the other.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple

@@ -1,7 +1,5 @@
 """What flow parameters change at every condition of the snapshots, by polynomials of each."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -5,8 +5,6 @@ changes, and pressure off the tables. Of a surface without rings the pressure it
 body that was solved on one side has the mirror images of its flows.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any

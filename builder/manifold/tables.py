@@ -7,8 +7,6 @@ is smooth at zero incidence.
 How far the tables are from flows that they were not made from.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.interpolate import BSpline, CubicSpline, PPoly
 

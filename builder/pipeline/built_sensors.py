@@ -1,7 +1,5 @@
 """The auxiliary sensors of a vehicle that flies: the section [sensors], errors of the stated sizes."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """From a map and the file of a ground test to the calibrated map and the report next to it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """The report of a calibration as files: a page, the same as PDF, and the load equations as CSV."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 

@@ -5,8 +5,6 @@ plant's true coefficients, the nonlinear estimator's and the linear estimator's;
 estimator's, and takes suspect gauges out of use.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial

@@ -1,7 +1,5 @@
 """From loads applied and readings, without a model, to load equations and their map: ``strainfmu equations``."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

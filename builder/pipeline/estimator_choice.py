@@ -8,8 +8,6 @@ map's own derivatives. Such a map has wider cells, so that its tables are worse 
 The estimator of a map by an option, instead of the vehicle file's.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import degrees

@@ -1,7 +1,5 @@
 """Surface pressure in files: ``strainfmu snapshots`` and ``surface``."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

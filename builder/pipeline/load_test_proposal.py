@@ -1,7 +1,5 @@
 """From a vehicle file to a proposed ground test: ``strainfmu loadtest``."""
 
-from __future__ import annotations
-
 import os
 from collections import Counter
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """The files of a map: snapshots, structure, inverse map and the report on it, each made by one stage."""
 
-from __future__ import annotations
-
 from dataclasses import asdict
 from functools import cache
 from hashlib import sha256

@@ -1,7 +1,5 @@
 """Alarm levels of a map, and its estimator by "auto", on flights of the independent model where there is one."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 

@@ -6,8 +6,6 @@ Files on the way to a map that were not made by its build: used where they fit, 
 used as they are, or refused in one line, and never written over unless ``rebuild`` is given.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path

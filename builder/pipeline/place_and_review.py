@@ -1,7 +1,5 @@
 """From a vehicle file to a proposed gauge layout, and to a review of one: ``strainfmu place`` and ``review``."""
 
-from __future__ import annotations
-
 import csv
 import io
 from collections.abc import Mapping, Sequence

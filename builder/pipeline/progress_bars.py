@@ -1,7 +1,5 @@
 """Progress bars: stages and notes of long work on a console."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from time import perf_counter

@@ -5,8 +5,6 @@ filter and the nonlinear estimator in, and are not written. What is counted in t
 so that the summary is the one of the whole. Parts that are done are not done again.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

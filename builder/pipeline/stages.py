@@ -7,8 +7,6 @@ The flows of the independent model in a folder of results: a table of a body of 
 conditions of any other shape.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Collection, Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Three-dimensional structures in files: ``strainfmu structure``, and what goes to and from another code."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path

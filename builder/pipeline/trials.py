@@ -1,8 +1,6 @@
 """Trials of every kind from their files, ``strainfmu trial``, ``stress`` and ``compare``: maps, flows of the
 independent model, cases, tables."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Check of a vehicle file ahead of the long work: ``strainfmu check``."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from math import degrees

@@ -1,7 +1,5 @@
 """Strain of candidate gauges under pressure fields, and what errors of their place and of the wall do to it."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

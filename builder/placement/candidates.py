@@ -1,7 +1,5 @@
 """Candidate gauges: a grid of stations and roll angles on the wall, directions at each point, and sites."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import degrees, radians

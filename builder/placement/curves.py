@@ -6,8 +6,6 @@ which PySensors implements.
 Accuracy of the placement and of other layouts: against gauges, their noise, their position, and flush ports.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

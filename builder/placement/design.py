@@ -1,7 +1,5 @@
 """Design of an instrumentation: the chosen gauges, what each contributes, and how far any choice could go."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations

@@ -6,8 +6,6 @@ truncated modes, errors averaged over the flows. Errors of the vehicle and its g
 [noise]: what each gauge has on its own is noise of its row, what gauges have in common is an unknown.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 from typing import Literal
 

@@ -1,7 +1,5 @@
 """Loss of one gauge or of two: effect on the sigmas, and placements that bear any."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -8,8 +8,6 @@ Auxiliary sensors that are there whatever gauges are placed (flush ports, inerti
 pressure on the surface alone, so that their rows follow from the fields without any structure.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

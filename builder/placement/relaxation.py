@@ -13,8 +13,6 @@ Source: Joshi and Boyd, Sensor selection via convex optimization, IEEE Trans. Si
 Jaggi, Revisiting Frank-Wolfe, ICML 2013 (gap); Boyd and Vandenberghe, Convex Optimization, 2004, chapters 10, 11.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Review of a layout: what it does not observe, which gauges matter, and which would help."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

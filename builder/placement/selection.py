@@ -6,8 +6,6 @@ within 1e-9 the first is taken.
 Source: Fedorov, Theory of Optimal Experiments, 1972 (exchange); Minoux, Accelerated greedy algorithms, 1978.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The page of an estimated flight: whether its loads may be used, when not and why, what was read, and figures."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from math import isfinite
 from pathlib import Path

@@ -4,8 +4,6 @@ Each case runs in a process of its own, so that its peak of memory is its own. R
 process.
 """
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

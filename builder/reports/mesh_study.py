@@ -5,8 +5,6 @@ the Fourier model's, under the pressure of the snapshots, is stated in units of 
 built on each mesh and fed with the Fourier model's strains and noise, as a vehicle would feed it.
 """
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace

@@ -4,8 +4,6 @@ Errors of whole fields follow from errors of coefficients: with V orthonormal in
 |p_hat - p|^2 = |q_hat - q|^2 + |p - p_mean - V q|^2, so no field is formed per sample.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Case 2 of the source: the whole field with the snapshots of P2 as prior; modes, gamma and three examples."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Measurements of the causes behind the differences from the source, one cause at a time."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

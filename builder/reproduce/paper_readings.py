@@ -5,8 +5,6 @@ That is consistent if two rows, one in the xz-plane and one in the xy-plane, hol
 gauges as well. Which sides, which row, and where the rows begin and end is shown in a figure only.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from builder.vehicle.file import Vehicle

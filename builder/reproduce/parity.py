@@ -4,8 +4,6 @@ From top to bottom: the reasons, each a sentence with its measurement; our numbe
 reproduction, and whether each holds.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -3,8 +3,6 @@
 Where the source states nothing, the choice is here, with its reason.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import radians
 

@@ -4,8 +4,6 @@ Source: Pham, Ghattas, Clemens and Willcox, "Real-time aerodynamic load estimati
 inverse maps", arXiv 2408.15286.
 """
 
-from __future__ import annotations
-
 import csv
 import json
 from dataclasses import dataclass

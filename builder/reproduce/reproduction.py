@@ -1,7 +1,5 @@
 """The reproduction of the source, stage by stage; a stage whose inputs have not changed is not run again."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from functools import partial

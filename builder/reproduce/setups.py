@@ -1,7 +1,5 @@
 """The three set-ups of every accuracy: the model of the map and the model of the data."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

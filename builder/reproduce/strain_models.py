@@ -8,8 +8,6 @@ as meshes of free tetrahedra have none.
 Three discretisations of one structure, with the same pressure nodes and the same gauges.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import permutations

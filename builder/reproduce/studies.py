@@ -1,7 +1,5 @@
 """Studies of both cases in all set-ups, and the measurements that explain them: the contents of the report."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass

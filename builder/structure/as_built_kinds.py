@@ -6,8 +6,6 @@ twice the stated size, and errors of the loads of a ground test ([errors] of its
 deviations, with their defaults; the table says which entry belongs to which kind.
 """
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Iterable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Checks of a vehicle's gauge layouts against its wall, before anything is solved."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Placement of a vehicle file's gauge rows on the inner surface of the wall."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from math import radians
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The solid model's strain per pressure, brought to the pressure nodes of snapshots."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 
 import numpy as np

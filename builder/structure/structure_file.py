@@ -3,8 +3,6 @@
 A second discretisation of a structure: the difference of the two is what its strains are uncertain by.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any

@@ -3,8 +3,6 @@
 The mesh is the file's own affair: swept, by Gmsh or imported, of any resolution.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from math import isclose
 from typing import Any

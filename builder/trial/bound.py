@@ -13,8 +13,6 @@ as known: both make the bound smaller than it could be. It bounds the rms over m
 one vehicle, exactly built ones, or a filter of many readings may be below it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 from typing import Any

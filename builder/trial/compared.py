@@ -16,8 +16,6 @@ Learning estimators have no covariance. Their bands come from split conformal pr
 Assoc. 113, 2018): the quantile of the absolute residual over flights that they were not trained on.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache

@@ -2,8 +2,6 @@
 and strain that no pressure makes, on the mesh of the independent model: a wall that warms, inertia of masses,
 vibration, friction."""
 
-from __future__ import annotations
-
 from functools import cached_property
 from itertools import combinations
 from math import radians

@@ -1,8 +1,6 @@
 """Pressure of a trial: flows beyond the envelope, another engine's, higher all over, and spots of pressure on
 them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import product

@@ -5,8 +5,6 @@ vehicle at one strain, pressure between the snapshots, and another discretisatio
 the stated rate of false alarms is met on such data, drawn over conditions, vehicles and noise.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from typing import Any

@@ -3,8 +3,6 @@
 Draws follow from the name of a case, so that rows next to it change nothing. A worker makes its world once.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace

@@ -13,8 +13,6 @@ always, the limit at 95 % is 3 over the number of clusters.
 standard errors, met where it is inside by as much; otherwise it is open: there are too few samples to say.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import inf, isfinite, sqrt

@@ -1,8 +1,6 @@
 """The one long table of a trial: a row per case, estimator and load; written as CSV, Parquet and JSON, and
 printed."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json

@@ -1,8 +1,6 @@
 """A vehicle as built, its errors drawn at the sizes that the section [noise] states, its physics, and its flights:
 what it reads there, whatever the shape of the vehicle."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass

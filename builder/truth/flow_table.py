@@ -6,8 +6,6 @@ harmonic m of the pressure changes by (-1)^m. So the spline has the correct symm
 there.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path

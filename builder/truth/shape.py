@@ -4,8 +4,6 @@ for every flight.
 There is no table of flows, and nothing is interpolated between flows. Along a manoeuvre the flow is solved at
 points of time; between them p / p_inf follows by a cubic spline in time."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property

@@ -5,8 +5,6 @@ The structure is solved for the wall of the file on its own mesh; how strain cha
 as built follows :mod:`builder.structure.as_built.revolved`.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace

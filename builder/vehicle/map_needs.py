@@ -3,8 +3,6 @@
 Entries that are within their limits and hardly meant: angles in radians, noise far above any gauge's.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from math import degrees, pi
 

@@ -4,8 +4,6 @@ No campaign of one flow model says how large it is. So it has an entry of its ow
 apart from the numerical error, which the campaign itself shows (interpolation, grid of the flow).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from builder.vehicle.map_options import MapEntry, Noise

@@ -1,7 +1,5 @@
 """A vehicle as HTML for notebooks: a table of its main entries and the meridian with the gauges in use."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from html import escape
 from pathlib import Path

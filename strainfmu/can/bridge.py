@@ -4,8 +4,6 @@ Where messages have the time at which this host received them, the loop receives
 thread: what waits in the socket is as old as it is. Elsewhere a thread of python-can receives and states the time.
 """
 
-from __future__ import annotations
-
 import gc
 import queue
 import sys

@@ -5,8 +5,6 @@ template and ``--set`` iterate over it. Entries that are not stated keep the def
 :class:`~strainfmu.can.options.BridgeOptions`. Paths are relative to the folder of the file.
 """
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace

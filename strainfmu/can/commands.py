@@ -1,7 +1,5 @@
 """Commands of the bus as functions: ``bridge``, ``dbc``, ``send`` and ``replay``."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, nullcontext

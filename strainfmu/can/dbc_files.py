@@ -1,7 +1,5 @@
 """Readers of a user's DBC file (by cantools) and of the mapping next to it (TOML)."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any

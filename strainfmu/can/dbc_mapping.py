@@ -4,8 +4,6 @@ The mapping is TOML; docs/reference/can.md describes it. Our signal plan decodes
 cantools. ``mapping_entries`` reads the entries.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, TypeVar, Unpack

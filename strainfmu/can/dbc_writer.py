@@ -1,7 +1,5 @@
 """The DBC file of a profile: input and result frames, with CAN FD flags and E2E protection as attributes."""
 
-from __future__ import annotations
-
 from collections import OrderedDict
 from collections.abc import Sequence
 from typing import Any

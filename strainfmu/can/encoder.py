@@ -4,8 +4,6 @@ Profiles have a frame ahead of each cycle, ``SenderState``: number of the sender
 heard. With it a bridge bounds the age of the strains, whatever clocks do.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Layouts: signals, as a DBC file describes them, the frames that hold them, and the input of a bridge."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 from strainfmu.can.authentic import AuthenticationKey, Secured

@@ -1,7 +1,5 @@
 """Frames that wait for the recorder in compiled memory, where the machine puts them without an object for each."""
 
-from __future__ import annotations
-
 import ctypes
 import struct
 from typing import Any

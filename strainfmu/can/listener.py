@@ -3,8 +3,6 @@
 A bridge is a listener with a loop (:mod:`strainfmu.can.bridge`); a replay gives it the messages of a log.
 """
 
-from __future__ import annotations
-
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterable

@@ -1,7 +1,5 @@
 """The description next to a log, LOG.json: options, start, end of a bridge. With it a replay repeats the run."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from dataclasses import asdict

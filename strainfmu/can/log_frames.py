@@ -1,7 +1,5 @@
 """The frames of a log, in order, with their time stamps: by python-can's readers, whose gaps are closed here."""
 
-from __future__ import annotations
-
 import gzip
 import io
 import re

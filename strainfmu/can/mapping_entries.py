@@ -3,8 +3,6 @@
 Every error names the entry of the mapping.
 """
 
-from __future__ import annotations
-
 import re
 import struct
 from collections.abc import Iterable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """A live bridge of an estimator FMU, with an optional recorder and an optional publisher."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing, contextmanager

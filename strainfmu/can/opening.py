@@ -1,7 +1,5 @@
 """A python-can bus for the bridge: one clear line on failure, a receive buffer for bursts."""
 
-from __future__ import annotations
-
 import inspect
 import os
 import re

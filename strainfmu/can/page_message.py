@@ -1,7 +1,5 @@
 """What the live page gets of a result and of the pressure field, as JSON."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from math import isfinite

@@ -1,7 +1,5 @@
 """The plan of an input for the compiled machine: its frames, signals and limits as flat tables."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace

@@ -3,8 +3,6 @@
 A thread of its own makes and sends them, so that the bridge's cycle only hands over a reference.
 """
 
-from __future__ import annotations
-
 import json
 import socket
 import threading

@@ -1,7 +1,5 @@
 """What goes over the bus about a result, and its words; the account of received frames."""
 
-from __future__ import annotations
-
 import tomllib
 from dataclasses import dataclass, field
 from enum import Enum, IntEnum, IntFlag

@@ -3,8 +3,6 @@
 Beside the log lies LOG.json, with which a replay repeats the run.
 """
 
-from __future__ import annotations
-
 import hashlib
 import io
 import json

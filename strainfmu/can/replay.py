@@ -1,7 +1,5 @@
 """The replay of a log through the state machine of the live run, whose clock are the time stamps; its file."""
 
-from __future__ import annotations
-
 import hashlib
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence

@@ -1,7 +1,5 @@
 """The frames of the results: their signals in each form, and what results and the bridge's state put into them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import count

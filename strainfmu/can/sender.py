@@ -1,7 +1,5 @@
 """A virtual sender: samples as frames on a bus, and the results that it hears, compared with the truth."""
 
-from __future__ import annotations
-
 import threading
 import time
 from collections import Counter

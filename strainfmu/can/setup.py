@@ -1,7 +1,5 @@
 """The set-up of a bridge: from the options of the command line to a bridge that is ready to run; its DBC file."""
 
-from __future__ import annotations
-
 import secrets
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack

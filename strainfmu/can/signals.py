@@ -1,7 +1,5 @@
 """The compiled library of the bus, and signals of a frame for it: their places, decoded and encoded."""
 
-from __future__ import annotations
-
 import ctypes
 import struct
 from collections.abc import Sequence

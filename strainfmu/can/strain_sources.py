@@ -1,7 +1,5 @@
 """Sources of strains for a virtual sender: a plant FMU, a flown scenario or recorded strains, sample by sample."""
 
-from __future__ import annotations
-
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager

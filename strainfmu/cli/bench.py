@@ -1,7 +1,5 @@
 """Benchmark of one step: the mathematics, the estimator from Python, and FMUs of every kind."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from itertools import count
 from os import PathLike

@@ -5,8 +5,6 @@ input, 1 for anything else.
 Set STRAINFMU_TRACEBACK=1 to see where an error came from.
 """
 
-from __future__ import annotations
-
 import gc
 import os
 import sys

@@ -1,7 +1,5 @@
 """The same work by this package and by others, in one run: ``strainfmu bench --peers``."""
 
-from __future__ import annotations
-
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack

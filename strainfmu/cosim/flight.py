@@ -6,8 +6,6 @@ Four FMUs: the schedule commands and makes gauges fail; the plant flies and stra
 into coefficients; the autopilot closes the loop through them, and takes bad gauges out of the estimator's use.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path

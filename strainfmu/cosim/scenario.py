@@ -1,7 +1,5 @@
 """A flight scenario: which FMUs fly, what is commanded, which gauges fail, how the loop is closed (TOML)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import radians
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Air data of an estimate by name: angles, Mach number, pressures, with standard deviations."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

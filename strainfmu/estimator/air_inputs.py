@@ -4,8 +4,6 @@ Python's arguments, the record of the compiled core, variables of FMUs, columns 
 their units follow :data:`AIR_INPUTS`. The core's own list is fmus/native/estimator/sample/sample.h.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from enum import IntEnum
 from math import radians

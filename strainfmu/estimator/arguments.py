@@ -1,7 +1,5 @@
 """Arguments of ``estimate`` and ``track``, of one sample or of several, checked and as records of the core."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass

@@ -3,8 +3,6 @@
 Auxiliary sensors of a map have none: what they read without load is taken off before.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cached_property
 

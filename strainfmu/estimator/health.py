@@ -6,8 +6,6 @@ fault. A bias b of gauge i shifts z_i by b sqrt(P_ii). Source: Baarda, A testing
 networks (1968), the w-test of "data snooping"; Rasmussen & Williams, section 5.4.2, for a Gaussian prior.
 """
 
-from __future__ import annotations
-
 from enum import IntEnum
 from functools import cache
 from math import erfc, exp, lgamma, log, sqrt

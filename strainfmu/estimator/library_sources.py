@@ -9,8 +9,6 @@ user's cache by a digest of the source and of all headers it includes, so that a
 library is kept by the digest of its objects.
 """
 
-from __future__ import annotations
-
 import hashlib
 import importlib.util
 import os

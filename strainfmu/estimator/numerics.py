@@ -5,8 +5,6 @@ BLAS and LAPACK choose kernels by processor, so their last bits differ between m
 that IEEE 754 defines to the bit. They are for matrices of some hundred rows.
 """
 
-from __future__ import annotations
-
 from functools import lru_cache
 from math import copysign, sqrt
 from typing import NamedTuple

@@ -13,8 +13,6 @@ p = p(x) + C S^-1 r, as the loads. The variance of a node with the derivative J_
     (J_p - C S^-1 J) E_x (..)' + sigma_p^2 - C S^-1 C'.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 

@@ -9,8 +9,6 @@ every section, the normal force of every section and so on.
 A coefficient is a force over q_inf S, a moment over q_inf S L, with the reference area and length of the vehicle.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache, lru_cache

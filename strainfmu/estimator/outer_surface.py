@@ -1,7 +1,5 @@
 """Places on a surface of triangles that are seen from outside, along rays from the axis of the body."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Policies of the estimator: constants of iterations, alarms and filter that ``map.bin`` hands to the core."""
 
-from __future__ import annotations
-
 import sys
 from dataclasses import dataclass
 from math import log

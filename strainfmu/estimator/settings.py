@@ -1,7 +1,5 @@
 """Settings of an estimator that need no other map: one table, which Python, the core's record and FMUs follow."""
 
-from __future__ import annotations
-
 from dataclasses import MISSING, dataclass, field, fields
 from typing import Any
 

@@ -5,8 +5,6 @@ are in :mod:`~strainfmu.estimator.air_inputs`, settings of the vehicle in
 :mod:`~strainfmu.estimator.settings`.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, fields
 
 STRAIN = "strain"

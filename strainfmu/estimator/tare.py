@@ -11,8 +11,6 @@ distribution Beta(k/2, (n - k)/2) for normal zeros, whatever their size. Source:
 *Linear Statistical Inference and its Applications*, section 4b.2.
 """
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass

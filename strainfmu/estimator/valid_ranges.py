@@ -8,8 +8,6 @@ Flow parameters have ranges too: a value that is known and out of range shows th
 strain and coefficients say.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -4,8 +4,6 @@
 without the fronts of FMI and what serves them alone.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from importlib import resources
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Export of the two FMUs: the estimator of a map, and the plant of a flight model and a trajectory."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Callable, Sequence

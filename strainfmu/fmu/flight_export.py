@@ -1,7 +1,5 @@
 """The FMUs of a scenario, exported together: schedule, plant, estimator, autopilot."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass

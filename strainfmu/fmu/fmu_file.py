@@ -1,7 +1,5 @@
 """The name of the file of an FMU."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from strainfmu.errors import InputError

@@ -1,7 +1,5 @@
 """Export of the native FMUs round the estimator: plant, autopilot, schedule, CAN bus (co-simulation)."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence

@@ -4,8 +4,6 @@ Little endian: a header of 128 bytes, then float64: type, causality, start, mini
 then the data of the model.
 """
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Sequence
 from enum import IntEnum

@@ -1,7 +1,5 @@
 """Enumerations among the variables of the estimator FMU: their names, and what each value means."""
 
-from __future__ import annotations
-
 from enum import IntEnum
 
 from strainfmu.estimator.air_inputs import QSource

@@ -5,8 +5,6 @@ the value reference of a variable is its index in that order. :func:`estimator_a
 of FMI 3.0. The model descriptions, the documentation page and the FMUs' code all follow these lists.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

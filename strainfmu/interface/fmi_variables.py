@@ -1,7 +1,5 @@
 """Elements of an FMU's interface: variables and their units, for FMI 2.0 and 3.0."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby

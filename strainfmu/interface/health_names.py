@@ -1,7 +1,5 @@
 """Names of the outputs that state the health of an estimate, in FMUs and columns."""
 
-from __future__ import annotations
-
 HEALTH_PREFIX = "health."
 
 STATE = f"{HEALTH_PREFIX}state"

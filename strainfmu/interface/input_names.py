@@ -1,7 +1,5 @@
 """Names of the estimator's inputs and parameters, and what stands for a value that is not known."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from math import isfinite, nan
 from typing import TypeVar

@@ -4,8 +4,6 @@ The libraries know every variable of :func:`~strainfmu.interface.estimator_varia
 number there, listed or not.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Zeros of the gauges of an FMU: parameters that state them, the flag that asks for a tare, the zeros in use."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

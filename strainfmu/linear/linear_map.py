@@ -15,8 +15,6 @@ Strain and loads of the modes beyond r are errors with one cause, columns A_t an
 the residual reveals the loads, B_t A_t^T Gamma^-1.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property

@@ -6,8 +6,6 @@ dof(gamma) = sum_k lambda_k / (lambda_k + gamma) states. Every rule depends on m
 gamma can be chosen for an ensemble of flights.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal, get_args

@@ -4,8 +4,6 @@ An event that comes again within a short time is counted, not listed again: a fl
 first cause out of the list.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass

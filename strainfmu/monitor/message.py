@@ -3,8 +3,6 @@
 A page must not receive what it cannot parse: a number that JSON does not have, or a structure without end.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterable
 from hmac import compare_digest

@@ -1,7 +1,5 @@
 """The state of the live view: last datagram, last minute and events; datagrams in, JSON for the page out."""
 
-from __future__ import annotations
-
 import json
 import threading
 from collections import deque

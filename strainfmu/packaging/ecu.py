@@ -4,8 +4,6 @@ What the compiled ECU reads is made here (``fmus/native/ecu/ecu.c``): the record
 with places instead of addresses, and which variables of the model are its inputs and outputs.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from math import nan
 from pathlib import Path

@@ -3,8 +3,6 @@
 ``fmus/native/network/link.h`` and ``fmus/native/nodes/sender.c`` read them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from functools import partial
 from math import nan

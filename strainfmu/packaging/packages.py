@@ -1,7 +1,5 @@
 """Export of an estimator, as an FMU, on a CAN bus or not, or as C sources; and of a vehicle as an FMU."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import partial
 from os import PathLike

@@ -4,8 +4,6 @@ Evidence is the name, else the roll angle and the station number of the gauge am
 order of as many channels as gauges, which is a guess. A quantity of the flow needs a name and a unit that fit.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Collection, Mapping, Sequence, Set

@@ -10,8 +10,6 @@ divider rule, strain = x/k. With r of the other sign these are the formulas of N
     full-poisson  r = x (1 + nu)/(2 + x (1 - nu))      x = 2 r/((1 + nu) - r (1 - nu))
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import inf

@@ -1,7 +1,5 @@
 """Estimates of blocks of recorded samples: by a map or an FMU, filtered and smoothed or not, column by column."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence

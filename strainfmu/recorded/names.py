@@ -4,8 +4,6 @@ A column is a gauge by its name in the map or as ``strain[i]``, a quantity of th
 table, or a time. The name of an instance and a dot, or of a group and a slash, may stand ahead.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field

@@ -3,8 +3,6 @@
 A file is written in parts and appears when it is complete.
 """
 
-from __future__ import annotations
-
 import csv
 import os
 from collections.abc import Generator, Iterable, Mapping, Sequence

@@ -6,8 +6,6 @@ smallest difference of two values. A hum is a line in the spectrum. What gauges 
 the multiple of its column that takes most off the residuals. A specific force is in g where strain fits it so.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The estimation of recorded strains, block by block: a recording in, a table of loads out."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass, replace

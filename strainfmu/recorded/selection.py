@@ -4,8 +4,6 @@ Without a channel file the columns name what they are; with one (channels.toml) 
 flow may have their own names besides.
 """
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """The level of recorded strains against the map's, and the unit that would explain a difference."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import log10
 from pathlib import Path

@@ -5,8 +5,6 @@ pieces of rows, so that no recording is too long. The times of a frame are times
 (:attr:`Frame.clock`), else a column of times, else they follow from a rate.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Hashable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field, replace

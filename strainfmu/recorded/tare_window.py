@@ -1,7 +1,5 @@
 """The readings of a window of a recording, and the zeros that follow."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from os import PathLike

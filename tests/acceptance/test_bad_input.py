@@ -1,7 +1,5 @@
 """Everything a user can get wrong: one line, the right exit code, nothing half-written left behind."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

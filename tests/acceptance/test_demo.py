@@ -1,8 +1,6 @@
 """The main job as a user does it: the demonstration of the shipped vehicle and of a vehicle as built, and what it
 leaves behind."""
 
-from __future__ import annotations
-
 import csv
 import json
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """The demonstration's manoeuvre with gauge noise alone, each sample by itself and filtered, as recorded data."""
 
-from __future__ import annotations
-
 import csv
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Surface pressure as a user makes it: by each engine, out to other programs and back, and looked at."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """``strainfmu loadtest``: what it proposes, and one line for each wrong option."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What new users do with a finished demonstration: own recorder, own importer, own bus, by the command line."""
 
-from __future__ import annotations
-
 import csv
 import json
 import re

@@ -1,7 +1,5 @@
 """A placed layout from the vehicle file to results on the bus: the same way for every shipped vehicle."""
 
-from __future__ import annotations
-
 import re
 import shutil
 from collections.abc import Callable, Iterator

@@ -1,7 +1,5 @@
 """Programs that a stranger writes from the reference alone: public names of both packages, and nothing else."""
 
-from __future__ import annotations
-
 import ast
 import time
 from pathlib import Path

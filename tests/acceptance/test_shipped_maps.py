@@ -9,8 +9,6 @@ Maps as shipped meet vehicles as built. The published ones, in form "absolute" a
 errors of the hardware; they meet the vehicle of the file.
 """
 
-from __future__ import annotations
-
 from math import radians
 from pathlib import Path
 from typing import Any

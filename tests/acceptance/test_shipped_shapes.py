@@ -1,7 +1,5 @@
 """The shipped examples beside the first vehicle, from file to flown FMU, scored on independent discretisations."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A wheel in a clean environment: the run-time alone, estimating by the library that the wheel brings."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import venv

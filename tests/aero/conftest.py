@@ -1,7 +1,5 @@
 """Bodies and flows that several tests of the aerodynamics share."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import cache
 from math import radians

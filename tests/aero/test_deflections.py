@@ -1,7 +1,5 @@
 """Surfaces that change with a parameter of the flow, against rotations and against the surface of each file."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import radians
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Hinge moments of regions of a surface against closed forms, and entries that are wrong."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

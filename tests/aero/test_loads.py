@@ -1,7 +1,5 @@
 """The load operator against closed forms, and against the nodal forces of the structure."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from math import cos, pi, radians, tan
 

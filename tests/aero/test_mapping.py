@@ -1,7 +1,5 @@
 """Transfer of pressure and forces between surfaces of one body, against closed forms."""
 
-from __future__ import annotations
-
 from math import pi, radians
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What a mapping report measures, and which wrong surface each refusal names."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import radians
 

@@ -1,7 +1,5 @@
 """Section loads and rolling moment against closed forms: a cantilever under a tip force, buoyancy, canted fins."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

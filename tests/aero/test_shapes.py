@@ -1,7 +1,5 @@
 """Surfaces of vehicles from files and sections: units, holes, places where they cut themselves, symmetries."""
 
-from __future__ import annotations
-
 from math import radians
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Triangulated shapes with closed-form loads."""
 
-from __future__ import annotations
-
 from math import cos, pi, sin
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Matrices of an arrow's shape are what dense ones of the same rows are; work goes with the number of gauges."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.sparse import csr_array

@@ -1,7 +1,5 @@
 """The strain of a vehicle as built against the models that it joins."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

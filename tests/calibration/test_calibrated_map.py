@@ -1,7 +1,5 @@
 """The map of a vehicle as built: its noise, and the error of its mesh."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

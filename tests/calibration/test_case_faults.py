@@ -1,7 +1,5 @@
 """Load cases that are not as stated: named as what they are; sound tests and faulty gauges blame none."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

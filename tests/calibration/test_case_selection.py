@@ -1,7 +1,5 @@
 """The choice of load cases: against the closed form of normal linear models, and where the best is known."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.sparse import csr_array

@@ -1,7 +1,5 @@
 """What gauges have in common when they do not fit: it is named and estimated, and nothing sound is blamed."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Channels that stand still are found, those that only look so are not; noise follows the windows."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

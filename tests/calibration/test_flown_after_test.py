@@ -1,7 +1,5 @@
 """Vehicles that a ground test allows, on the independent model: what they read, and the levels that follow."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Ground tests as a trial: what is said of them, errors over the exactly known vehicle, some from end to end."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import cycle
 

@@ -1,7 +1,5 @@
 """PlannedCase load cases, loads as they are applied, and a simulated test: what is written reads back."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace

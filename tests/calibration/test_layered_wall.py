@@ -1,7 +1,5 @@
 """A wall of several thicknesses and materials with frames, on a clamp or a foundation, as it may be built."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What a test left as errors of a map: they follow the strain of every flow as J C J' does."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from as_built_case import strain_covariances

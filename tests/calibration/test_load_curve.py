@@ -1,7 +1,5 @@
 """Steps of the loads show the curve of the load cell that reads them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Load equations without a model: coefficients of least squares, and a map that estimates the same loads."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The file of a ground test: what it holds, and one line for each fault."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Mass, support and modulus by region of a vehicle as built: against closed forms and a solved support."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from as_built_case import LAYOUT, TITANIUM

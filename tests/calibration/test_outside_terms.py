@@ -1,7 +1,5 @@
 """Errors that a calibration takes for zero: named with their size where they are there, not where they are not."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from drawn_tests import blank_test

@@ -1,7 +1,5 @@
 """The gauges of the plant: with an uneven wall and turned gauges they read what the structure's operator gives."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """How a planned test is run: the order of its cases, their steps, the time, and what stays as it was."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """A tube whose wall is thicker on one side, against beam theory."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

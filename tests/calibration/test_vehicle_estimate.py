@@ -1,7 +1,5 @@
 """A vehicle drawn at random and tested on the same mesh: what the estimate finds, and which faults it names."""
 
-from __future__ import annotations
-
 from copy import copy
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Common parts of the tests of campaigns: a small vehicle, and the command in a process of its own."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import time

@@ -1,7 +1,5 @@
 """The small vehicle, and its undisturbed result."""
 
-from __future__ import annotations
-
 import pytest
 from campaign_case import Undisturbed, undisturbed_campaign
 from ogive import OGIVE

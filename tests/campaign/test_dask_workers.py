@@ -1,7 +1,5 @@
 """Campaigns on Dask workers: some die, some schedulers go or are not there, local ones listen on loopback."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

@@ -1,7 +1,5 @@
 """Conditions outside the engine's reach: named and left out, and the rest goes on."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from math import radians

@@ -1,7 +1,5 @@
 """The journal: what was appended whole comes back, whatever happened to the end of the file."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A campaign that is ended at any moment goes on where it was, and its result does not show it."""
 
-from __future__ import annotations
-
 import os
 import random
 import signal

@@ -1,7 +1,5 @@
 """What is solved again after a change, and what is not."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """Who solves: the engine as it travels, and workers that are not of this version."""
 
-from __future__ import annotations
-
 import pickle
 import threading
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """Snapshots on another surface: loads kept, another body refused."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The snapshot file: its content comes back; what is missing or does not fit is reported."""
 
-from __future__ import annotations
-
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any

@@ -9,8 +9,6 @@ a second one would slow down what is measured. OUT holds ``results`` (n, 64), ``
 each cycle was late [s], and ``dropped``, the number of datagrams that the system dropped ahead of this process.
 """
 
-from __future__ import annotations
-
 import gc
 import os
 import socket

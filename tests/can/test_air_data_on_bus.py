@@ -1,7 +1,5 @@
 """A user's mapping gives p_inf, deviations of navigation as numbers or signals, and inertial inputs."""
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Mapping
 from dataclasses import replace

@@ -4,8 +4,6 @@ True ages lie within the stated age and its uncertainty, no strains are mixed, e
 the bridge comes back or says what it waits for.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 
 import numpy as np

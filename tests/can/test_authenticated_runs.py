@@ -1,7 +1,5 @@
 """Authenticated frames from end to end: sender, bridge, recording, replay, and the recording sent again."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path

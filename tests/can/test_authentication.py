@@ -1,7 +1,5 @@
 """Freshness: no value is used twice, whatever was recorded and whoever was restarted."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from can_case import CYCLE, KEY, OWN, Projection, Truth, layout_of, run_campaign

@@ -1,7 +1,5 @@
 """The authenticator: CMAC against the vectors of its standard, the bytes it covers, keys from files."""
 
-from __future__ import annotations
-
 import os
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The bridge on real python-can buses: what happens when they fail."""
 
-from __future__ import annotations
-
 import gc
 import os
 import shutil

@@ -1,7 +1,5 @@
 """The commands bridge and dbc: wrong arguments, a signal, a file."""
 
-from __future__ import annotations
-
 import signal
 import socket
 import subprocess

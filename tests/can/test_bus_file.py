@@ -1,7 +1,5 @@
 """The bus in one file: what each entry sets, what is refused, and a DBC file of one's own for both ends."""
 
-from __future__ import annotations
-
 import re
 import signal
 import subprocess

@@ -1,7 +1,5 @@
 """The compiled part of the bridge: it takes nothing of another shape; what a machine without it says."""
 
-from __future__ import annotations
-
 import re
 import sys
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """The tutorial of the bus with the DBC file of a multiplexed rack: its file and commands, three flights sent."""
 
-from __future__ import annotations
-
 import shlex
 import shutil
 import signal

@@ -4,8 +4,6 @@ The oracle (can_case.Oracle) compares every VALID result with the true strains o
 on which the core bases its decisions. Without any one of the guards, these tests find something wrong.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from can_case import CYCLE, GAP, LOSING, N_GAUGES, SIZES, Campaign, layout_of, mixed_layout, run_campaign

@@ -1,7 +1,5 @@
 """Logs that are damaged, foreign, or have long gaps: each ends soon, in one line, with few rows."""
 
-from __future__ import annotations
-
 import os
 import re
 import signal

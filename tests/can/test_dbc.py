@@ -1,7 +1,5 @@
 """The generated DBC file, and users' DBC files."""
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Users' DBC files: value names, ends of converters, states, start values, units."""
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Callable
 from math import nan

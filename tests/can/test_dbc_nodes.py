@@ -1,7 +1,5 @@
 """Nodes that know the DBC file alone: the script in the documentation, and whoever reads the results."""
 
-from __future__ import annotations
-
 import importlib.util
 from pathlib import Path
 from types import ModuleType

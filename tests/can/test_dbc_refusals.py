@@ -1,7 +1,5 @@
 """Users' DBC files and mappings that cannot be meant: refused in one line."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """All gauges at exactly zero, and readings beyond the range of the gauges: none of them is a strain."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from can_case import CYCLE, OWN, SIZES, Ears, Projection, Truth, layout_of, mixed_layout

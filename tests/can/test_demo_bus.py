@@ -1,7 +1,5 @@
 """The end of ``strainfmu demo --can``: sender and bridge as two processes."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Callable
 from pathlib import Path

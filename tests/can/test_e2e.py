@@ -1,7 +1,5 @@
 """CRC and counter against the package autosar-e2e; the machine's checks against AUTOSAR PRS_E2EProtocol."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 import numpy as np

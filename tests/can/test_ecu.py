@@ -1,7 +1,5 @@
 """The estimator as an ECU (FMI-LS-BUS 1.0): frames in, frames out, as the bridge in Python has them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any

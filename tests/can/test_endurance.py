@@ -1,7 +1,5 @@
 """One hour of bus time at 1 kHz, virtual: every cycle answered, and the memory does not grow."""
 
-from __future__ import annotations
-
 import gc
 import os
 from dataclasses import replace

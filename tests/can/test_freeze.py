@@ -1,7 +1,5 @@
 """Frozen gauges and exact zeros against noise and quantisation of healthy gauges, in virtual time."""
 
-from __future__ import annotations
-
 from collections import Counter
 
 import numpy as np

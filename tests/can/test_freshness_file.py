@@ -1,7 +1,5 @@
 """The freshness value across runs: reserved ahead, written at the end, refused where it cannot be trusted."""
 
-from __future__ import annotations
-
 import json
 import os
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Each guard of the machine is needed: without it, the oracle of the campaigns finds something wrong."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any

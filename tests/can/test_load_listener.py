@@ -1,7 +1,5 @@
 """The listener for programs of one's own: its page word for word, with asyncio, with and without results."""
 
-from __future__ import annotations
-
 import asyncio
 import re
 import time

@@ -1,7 +1,5 @@
 """Logs of other recorders: every format, packed too, times by their header, channels with the same identifiers."""
 
-from __future__ import annotations
-
 import gzip
 import itertools
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Messages that are no frames, and frames that no log can hold: counted and passed over."""
 
-from __future__ import annotations
-
 import threading
 import time
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Logs of a bus in MF4, written by asammdf itself: replayed and estimated as logs of the other formats are."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Mapped frames of different periods: what is held and for how long; what makes no sense is refused at start."""
 
-from __future__ import annotations
-
 import struct
 from typing import Any
 

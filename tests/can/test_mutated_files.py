@@ -3,8 +3,6 @@
 Every kind is tried 500 times slowly, and a few times in each run.
 """
 
-from __future__ import annotations
-
 import io
 import random
 import zipfile

@@ -1,7 +1,5 @@
 """Mach number and altitude from the bus: what reaches the estimator is right or not known, whatever happens."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from math import isnan, nan

@@ -1,7 +1,5 @@
 """The noise that an estimator FMU states, which the bridge judges its gauges by."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

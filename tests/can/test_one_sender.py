@@ -1,7 +1,5 @@
 """One sender, here and now: creeping delay, restarts, recordings, second senders and bridges, in virtual time."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import replace
 from itertools import count

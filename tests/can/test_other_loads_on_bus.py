@@ -1,7 +1,5 @@
 """Rolling moment and section loads on the bus: frames of their own behind the others."""
 
-from __future__ import annotations
-
 import csv
 from dataclasses import replace
 from pathlib import Path

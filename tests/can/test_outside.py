@@ -1,7 +1,5 @@
 """Estimators with an envelope behind the bus: OUTSIDE and its cause, the same of a map and of an FMU."""
 
-from __future__ import annotations
-
 import re
 import struct
 import zipfile

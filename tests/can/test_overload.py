@@ -1,7 +1,5 @@
 """A bridge slower than its input, in virtual time: the newest cycles are answered, none as fresher than it is."""
 
-from __future__ import annotations
-
 from collections import deque
 from dataclasses import dataclass, field, replace
 

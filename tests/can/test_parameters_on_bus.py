@@ -1,7 +1,5 @@
 """Further parameters of the flow from a user's DBC file: known to the estimator, for health alone, or not."""
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Callable
 from dataclasses import replace

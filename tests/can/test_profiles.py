@@ -1,7 +1,5 @@
 """The profiles as data: the bytes of a cycle are those on record, and every file of the folder is a profile."""
 
-from __future__ import annotations
-
 import csv
 from dataclasses import replace
 from itertools import product

@@ -1,7 +1,5 @@
 """Recording a bus: all of it, in formats that hold it, and readable after SIGKILL."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

@@ -1,7 +1,5 @@
 """Replay: the results of a live run again, from the log alone."""
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The virtual sender: its frames, their times, its faults and its score."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

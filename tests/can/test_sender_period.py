@@ -1,7 +1,5 @@
 """The period of the sender against the stated one, in virtual time."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

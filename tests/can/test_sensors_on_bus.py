@@ -3,8 +3,6 @@
 Maps that a mapping is for have temperature sensors too.
 """
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Callable, Mapping
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Signals of any start, length, byte order and kind: decoded and encoded as cantools does."""
 
-from __future__ import annotations
-
 import struct
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """A day of bus time with faults, in virtual time: sender, bridge, estimator, recording and page; nothing grows."""
 
-from __future__ import annotations
-
 import gc
 from collections import Counter
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The machine by itself, frame by frame: cycles, gauges, acceptance; bus state and back-off."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A tare asked for on the bus: taken at rest, refused while loads are not known; the same in a replay."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

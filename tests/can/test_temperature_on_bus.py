@@ -1,7 +1,5 @@
 """Temperatures from a user's DBC file: each sensor for itself, at its own period, NaN when it is lost."""
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Callable
 from math import isnan

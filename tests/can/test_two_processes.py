@@ -1,7 +1,5 @@
 """Sender and bridge as two processes over udp_multicast, the bridge by its command."""
 
-from __future__ import annotations
-
 import signal
 import subprocess
 import sys

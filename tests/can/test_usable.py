@@ -1,7 +1,5 @@
 """One rule of trust: every quality at every outlet, bus, columns, datagrams, page and listener, is the same."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from ctypes import c_double

@@ -1,7 +1,5 @@
 """Sender, CAN FD bus and ECU as FMUs of FMI-LS-BUS 1.0: what is sent arrives; results are those of the bridge."""
 
-from __future__ import annotations
-
 from binascii import crc_hqx
 from collections import Counter
 from collections.abc import Iterator

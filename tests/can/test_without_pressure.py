@@ -1,7 +1,5 @@
 """Without q_inf the nonlinear estimator goes on with strain and what navigation there is; a linear one cannot."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import isnan, nan
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Options of the commands of the bus: what cannot be is refused with one line, before anything is opened."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from math import isnan

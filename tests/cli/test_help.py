@@ -3,8 +3,6 @@
 Its words and sentences have the limits in ``tests/docs/test_word_budgets.py``.
 """
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """``strainfmu inspect`` of a map that knows of the vehicle's inertia."""
 
-from __future__ import annotations
-
 from io import StringIO
 from pathlib import Path
 

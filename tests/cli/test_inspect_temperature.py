@@ -1,7 +1,5 @@
 """``strainfmu inspect`` of a map that knows of the wall's temperature."""
 
-from __future__ import annotations
-
 import re
 from io import StringIO
 from pathlib import Path

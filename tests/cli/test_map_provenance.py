@@ -1,7 +1,5 @@
 """What a map says of its making: words, units, no names of the program's parts."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

@@ -1,7 +1,5 @@
 """The commands that use a map need numpy, h5py and the extra ``cli``; what is missing is named with its extra."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import tomllib

@@ -1,7 +1,5 @@
 """No command writes over a file that it reads."""
 
-from __future__ import annotations
-
 import inspect
 from collections.abc import Callable
 from pathlib import Path

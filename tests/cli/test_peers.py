@@ -1,7 +1,5 @@
 """``strainfmu bench --peers``: each program is in the table, with its time or the reason why it has none."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from math import isfinite
 from pathlib import Path

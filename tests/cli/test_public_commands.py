@@ -1,7 +1,5 @@
 """Each command is one public function: its options are keywords, with the same defaults and a description."""
 
-from __future__ import annotations
-
 import inspect
 from collections.abc import Mapping, Sequence
 from importlib import import_module

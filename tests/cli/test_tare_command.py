@@ -1,7 +1,5 @@
 """``strainfmu tare``: zeros from a recording, used by ``estimate``; one line for what is refused."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The clock of ``strainfmu bench``: long calls are timed fewer times."""
 
-from __future__ import annotations
-
 from time import sleep
 
 import pytest

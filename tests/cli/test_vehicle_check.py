@@ -1,7 +1,5 @@
 """``strainfmu check``: what other commands would refuse is refused, all at once; what they note is noted."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Callable
 from math import radians

@@ -1,7 +1,5 @@
 """A slender vehicle that flies, once per module."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """The closed loop in many flights: errors over seeds, and a fault of some gauges."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

@@ -1,7 +1,5 @@
 """Closed-loop flight: against the law's closed form, and with every fault."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import radians
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`strainfmu fly` and `strainfmu plant`: what they write, and what they refuse in one line."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from math import radians

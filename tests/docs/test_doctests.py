@@ -1,7 +1,5 @@
 """Examples in docstrings, run where a finished demonstration lies in ``demo``."""
 
-from __future__ import annotations
-
 import doctest
 from importlib import import_module
 from pathlib import Path

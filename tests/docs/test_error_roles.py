@@ -1,7 +1,5 @@
 """The page on sigma states the part of split errors that the gain may correct."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -3,8 +3,6 @@
 A build of the site checks the figures of every example by the same rules. Here are the rules, and examples.
 """
 
-from __future__ import annotations
-
 import runpy
 import shutil
 import sys

@@ -1,7 +1,5 @@
 """Documentation through public names only: pages, examples in docstrings and the gallery."""
 
-from __future__ import annotations
-
 import ast
 import doctest
 import inspect

@@ -1,7 +1,5 @@
 """Names on the pages: paths, modules and files that README and documentation speak of exist."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import fields
 from functools import cache

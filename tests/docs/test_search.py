@@ -4,8 +4,6 @@ The site is built, and its own search runs in Chromium: ``pytest -m slow tests/d
 extra ``docs``.
 """
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

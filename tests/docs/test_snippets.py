@@ -5,8 +5,6 @@ are shipped, and the vehicle file of the second tutorial. Blocks of a page run o
 share their names. Lines that are one command of strainfmu run in this process, which has imported what it needs.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import shlex

@@ -1,7 +1,5 @@
 """Length and words of pages, help and code: sections keep within budgets, sentences are short, words plain."""
 
-from __future__ import annotations
-
 import ast
 import re
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """What a dynamic pressure is computed from, measured angles, and whether loads are usable: core and reference."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Flight states that fit as well as the estimated one: coverage without a pressure, what is left alone, steps."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import NamedTuple
 

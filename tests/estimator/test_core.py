@@ -1,7 +1,5 @@
 """The handle on the compiled core: which core serves, what a machine without it does, what is remembered."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

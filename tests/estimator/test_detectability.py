@@ -1,7 +1,5 @@
 """Minimal biases against scipy's noncentral chi-square and against planted faults."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from random_map import GaussianModel, random_model

@@ -1,7 +1,5 @@
 """The envelope at run time: half-spaces of the coefficients, ranges of navigation, and what is not known."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

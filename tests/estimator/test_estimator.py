@@ -1,7 +1,5 @@
 """One step of the estimator: the stated formulas, and what it says when an input is missing."""
 
-from __future__ import annotations
-
 from dataclasses import fields, replace
 from itertools import combinations
 

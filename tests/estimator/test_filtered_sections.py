@@ -1,7 +1,5 @@
 """Section loads in the filter of the nonlinear estimator."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

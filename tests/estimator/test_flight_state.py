@@ -1,7 +1,5 @@
 """Flight state of the nonlinear estimator: accuracy, coverage, roll, masks, iterations, wrong navigation."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Rolling moment and section loads: other loads that combine the five must be estimated as they are."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The chi-square alarm level against an independent implementation."""
 
-from __future__ import annotations
-
 import pytest
 from scipy.stats import chi2
 

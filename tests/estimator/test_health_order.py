@@ -1,7 +1,5 @@
 """One table of health, in C: names and order in Python and in the documentation are the table's."""
 
-from __future__ import annotations
-
 import re
 from itertools import groupby
 from pathlib import Path

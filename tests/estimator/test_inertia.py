@@ -1,7 +1,5 @@
 """Inertial inputs: what they take off, what they leave in the uncertainty, and vibration."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Leave-one-out residuals against leaving one out, and faults that are planted."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

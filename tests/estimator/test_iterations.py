@@ -1,7 +1,5 @@
 """Gauss-Newton iterations of a step: counted, and never more than the core and the documentation state."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

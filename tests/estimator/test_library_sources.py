@@ -1,7 +1,5 @@
 """A library carries the digest of its C sources: of other ones Python makes its own, and no FMU gets it."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """Maps without some of their gauges against maps that never had them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import combinations
 

@@ -1,7 +1,5 @@
 """Names and shapes that one guesses: floats of one sample, arrays of many, every quantity by its name."""
 
-from __future__ import annotations
-
 from dataclasses import fields
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Outputs while nothing can be estimated: no loads, but numbers for the tests of a residual without terms."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

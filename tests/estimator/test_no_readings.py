@@ -1,7 +1,5 @@
 """Strain of exactly zero under load is no reading, whatever the zero offsets; quantities of 0 are not given."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

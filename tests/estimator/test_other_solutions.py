@@ -1,7 +1,5 @@
 """Lost gauges: mirror images of the flow are inside the uncertainty; few gauges give no loads of the tables."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

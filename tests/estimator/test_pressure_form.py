@@ -1,8 +1,6 @@
 """Maps in form "dynamic_pressure" against the Gauss-Markov estimate with every covariance formed at that
 pressure."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -4,8 +4,6 @@ They were recorded of the numpy estimator that did this before, which solved the
 of the shape of the core, when errors of interpolation in its map became each gauge's own.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Matrices for other standard deviations of zero offsets: made over several steps, the old ones in use."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace

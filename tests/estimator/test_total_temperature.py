@@ -1,7 +1,5 @@
 """Total temperature as air data: the Mach number it gives, alone and beside another, by every way; refusals."""
 
-from __future__ import annotations
-
 from ctypes import byref, c_int, c_size_t
 from pathlib import Path
 from typing import Any

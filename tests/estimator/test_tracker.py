@@ -1,7 +1,5 @@
 """The nonlinear estimator step by step: jumps, spikes, a solution elsewhere, iterations that have not ended."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The filter of the nonlinear estimator with temperature modes: static limit, series."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from flight_fmu import FlightSample, random_flight, whole_map

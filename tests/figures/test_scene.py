@@ -1,7 +1,5 @@
 """The vehicle in three dimensions: files read again, bars on the surface, what hides what."""
 
-from __future__ import annotations
-
 import json
 import struct
 from pathlib import Path

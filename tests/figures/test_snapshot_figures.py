@@ -1,7 +1,5 @@
 """Figures of a campaign show what the snapshots hold: lines and centres against a cone's conical flow."""
 
-from __future__ import annotations
-
 from math import cos, pi, radians
 from pathlib import Path
 

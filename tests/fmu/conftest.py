@@ -1,7 +1,5 @@
 """FMUs of every kind, once per run, and another program that checks them."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable
 from pathlib import Path

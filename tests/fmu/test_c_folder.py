@@ -1,7 +1,5 @@
 """The folder of C sources of a map: built here by its own CMakeLists.txt, it gives the bits of the estimator."""
 
-from __future__ import annotations
-
 import csv
 import platform
 import re

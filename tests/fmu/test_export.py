@@ -1,7 +1,5 @@
 """Packaging: reproducible, atomic, self-contained."""
 
-from __future__ import annotations
-
 import importlib
 import os
 import struct

@@ -1,7 +1,5 @@
 """Two small maps that have all that a map can have: a linear one, and one with tables over the flight state."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The bridge and the closed loop as carriers of streams: frames of a bus in, and FMUs that feed each other."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import count

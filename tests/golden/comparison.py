@@ -1,7 +1,5 @@
 """How far two results of the same samples are apart, in standard deviations of the one that is kept."""
 
-from __future__ import annotations
-
 import numpy as np
 from inputs import Results
 

@@ -1,7 +1,5 @@
 """Draws of the streams of golden files: random samples and flights. Needed to record streams alone."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Draws of the streams of golden files: flights with one fault each, for what the estimator does about it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

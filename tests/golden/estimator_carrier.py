@@ -1,7 +1,5 @@
 """The estimator as a carrier of streams: samples in, the fields that files keep out."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """FMUs as carriers of streams: samples in by the names of their variables, the fields that they offer out."""
 
-from __future__ import annotations
-
 import ctypes
 from collections.abc import Mapping, Sequence
 from ctypes import byref, c_bool, c_double, c_int, c_int32, c_int64, c_size_t

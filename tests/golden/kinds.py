@@ -32,8 +32,6 @@ left out which a change of the map by 1e-13 moves by more than a fifth of the to
 marks it in the field ``near_threshold``: tests then leave it out.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache

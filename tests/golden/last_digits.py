@@ -1,7 +1,5 @@
 """A map whose last digits are others, as another machine's linear algebra leaves them."""
 
-from __future__ import annotations
-
 from dataclasses import fields, is_dataclass, replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Steps of bridges and recordings as carriers of streams, by a map or an FMU."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

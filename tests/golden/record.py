@@ -1,7 +1,5 @@
 """Record the golden files from the compiled core, or check them: ``kinds.py`` says what they hold."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from collections.abc import Iterable

@@ -1,7 +1,5 @@
 """Every carrier of the estimator gives what the golden files hold: ``kinds.py`` says what that is."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The standardised residual of a gauge is its distance from what the others predict, by estimates without it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -4,8 +4,6 @@ Arguments: build or field, and a folder. Run by ``test_memory.py`` in a process 
 address space cannot be lifted again.
 """
 
-from __future__ import annotations
-
 import json
 import resource
 import sys

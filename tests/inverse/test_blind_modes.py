@@ -1,7 +1,5 @@
 """Modes that the gauges do not observe: skipped, named, and counted with the truncated ones."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from coarse_vehicle import with_paper_map

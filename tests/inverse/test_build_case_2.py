@@ -1,7 +1,5 @@
 """Case 2 the whole way: vehicle entries to map.h5 to the estimator, against formulas written out."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

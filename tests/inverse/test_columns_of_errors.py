@@ -1,7 +1,5 @@
 """Columns of errors in common: as few as their rank, whatever the number of gauges."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

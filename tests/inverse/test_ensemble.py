@@ -1,7 +1,5 @@
 """Ensembles at one pressure level and at every roll angle, against flows rolled one by one."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import asin, atan2, cos, radians, sin
 from typing import Any

@@ -3,8 +3,6 @@
 Random numbers make the maps of ``tests/estimator``; these are made of flows and a structure.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What large maps need of memory and leave on disk, in processes whose address space is limited."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """Modes that are no states of a map: which, and why, in the same words everywhere."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

@@ -1,7 +1,5 @@
 """Pairs of modes of a rolled POD, turned to gauges that observe one phase of a harmonic."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The proper orthogonal decomposition of the snapshots."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Flush ports, inertial unit and load cells beside the gauges of the shipped vehicle, flights and errors drawn."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What flush ports and an inertial unit buy on the shipped vehicle at its own resolution."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The map from arrays against the formulas of the paper by the book, dense, in its own notation."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any

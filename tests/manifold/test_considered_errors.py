@@ -1,7 +1,5 @@
 """Considered errors: the gain does not know them, sigma and alarms do. Roles of the errors of a build."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The difference of flow models: its tables, its noise term, and what it does to an estimate."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Section loads by the nonlinear estimator: flights between the snapshots, lost gauges, the fall back, turns."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple

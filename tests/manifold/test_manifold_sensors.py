@@ -1,7 +1,5 @@
 """Flush ports, inertial unit, load cells, displacement and fibres with the nonlinear estimator, errors drawn."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path

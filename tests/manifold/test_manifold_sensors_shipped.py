@@ -1,7 +1,5 @@
 """What sensors buy the nonlinear estimator on the shipped vehicle at its own resolution."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Gauges that read a wind and its mirror image alike are refused: one of two solutions would pass for certain."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import flight_maps

@@ -1,7 +1,5 @@
 """A monitor on loopback."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import pytest

@@ -1,7 +1,5 @@
 """The page in a browser: live data, a restart of the bridge, what is outside."""
 
-from __future__ import annotations
-
 import threading
 from pathlib import Path
 

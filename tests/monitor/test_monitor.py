@@ -1,7 +1,5 @@
 """The live view: datagrams that never block, a server on loopback, a page that a browser shows."""
 
-from __future__ import annotations
-
 import http.client
 import json
 import re

@@ -1,7 +1,5 @@
 """Colours of the page: read against white, and VALID told from every other quality by colour-blind people."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The page in a browser: what an operator reads in five states of a real run, keys, and nothing cut off."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any

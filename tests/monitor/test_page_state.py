@@ -1,7 +1,5 @@
 """What the page is told: every number with its unit, every gauge with its reason, events with their causes."""
 
-from __future__ import annotations
-
 import json
 import time
 from typing import Any

@@ -1,7 +1,5 @@
 """Connections to the page that are slow or aborted: the first are ended, neither leaves a word or a thread."""
 
-from __future__ import annotations
-
 import http.client
 import socket
 import struct

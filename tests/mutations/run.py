@@ -16,8 +16,6 @@ entry of ``seeded.toml`` states
 The exit code is 1 where one is not found that has a ``found_by``, or a text is gone.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import re

@@ -1,7 +1,5 @@
 """The public building interface: what notebooks and scripts call gives what the commands write."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from contextlib import contextmanager

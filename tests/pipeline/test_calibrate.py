@@ -1,7 +1,5 @@
 """From a map and the files of a simulated ground test to the calibrated map, by the command."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from hashlib import sha256

@@ -1,7 +1,5 @@
 """Without flows of the independent model a calibrated map has the alarm levels of the map as drawn."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

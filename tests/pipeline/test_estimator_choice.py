@@ -1,7 +1,5 @@
 """``map.estimator`` "auto": both estimators on flights that the map was not made from."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any

@@ -1,8 +1,6 @@
 """The score of a flight, of a recording made by hand; of a map of imported results, on results that it was not
 made from; another physics in flight is named."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from dataclasses import replace

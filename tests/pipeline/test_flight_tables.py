@@ -1,7 +1,5 @@
 """The flight model's tables against flows that are solved and applied directly."""
 
-from __future__ import annotations
-
 from math import pi, radians
 
 import numpy as np

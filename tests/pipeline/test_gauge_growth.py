@@ -1,7 +1,5 @@
 """Growth of cost with the number of gauges: exponents, table, figure, and the vehicles that are measured."""
 
-from __future__ import annotations
-
 import csv
 import io
 from collections.abc import Callable, Sequence

@@ -1,7 +1,5 @@
 """One body given by its profile, by circular sections, and by triangles with an imported mesh: the same loads."""
 
-from __future__ import annotations
-
 from math import radians
 from pathlib import Path
 

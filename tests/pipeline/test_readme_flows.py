@@ -1,7 +1,5 @@
 """README's commands for one's own vehicle share its cache: each solves the flows that the others have not."""
 
-from __future__ import annotations
-
 import shlex
 from collections import Counter
 from collections.abc import Callable, Iterator

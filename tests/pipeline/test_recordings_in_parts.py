@@ -1,7 +1,5 @@
 """Recordings in parts: the loads and the summary of one piece, whoever estimates the parts, and in which order."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Chains of commands: files of ``snapshots`` and ``structure`` reach the map whatever their options."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Callable
 from dataclasses import fields, replace

@@ -1,7 +1,5 @@
 """A workspace computes what it must and nothing twice."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Placements against PySensors (package python-sensors): QR, QR with a zone, and its two-point greedy choice."""
 
-from __future__ import annotations
-
 import warnings
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Criterion and choice against closed forms and against all subsets."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import combinations
 

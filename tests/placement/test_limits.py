@@ -1,7 +1,5 @@
 """Limits that no choice keeps end in one line that names the option."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Two gauges lost together, number of directions, cost of cables, and air data as the goal."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

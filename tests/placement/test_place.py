@@ -1,7 +1,5 @@
 """Placement on the shipped vehicle at a coarse resolution: its models against the estimators, and its choices."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from hashlib import sha256

@@ -1,7 +1,5 @@
 """Placement on a shape that is no body of revolution: the elliptic cone with its solid wall on a coarse mesh."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Layouts scored by the whole nonlinear estimator on flights of the truth model, not by the criterion."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

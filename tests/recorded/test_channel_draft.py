@@ -1,7 +1,5 @@
 """A proposed channels.toml: gauges by name, number or order, units of the recording, read back by ``estimate``."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What channels.toml makes of a recorder's channels: bridges, leads, rosettes, names, missing channels, rates."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import h5py

@@ -1,7 +1,5 @@
 """One rule for all formats: times of each column, names that are there twice, units, missing values, cut files."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

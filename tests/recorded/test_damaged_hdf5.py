@@ -1,7 +1,5 @@
 """Damaged HDF5 recordings end soon and in one line, whether HDF5 reports an error, loops or crashes."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """``strainfmu estimate``: every format gives the numbers of the estimator itself; wrong data get one line."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

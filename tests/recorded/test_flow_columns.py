@@ -1,7 +1,5 @@
 """Columns of the flow: deviation of the dynamic pressure, Mach number, altitude, in files of every form."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A disk that is full, at any moment: one line, no crash, nothing left but what was there before."""
 
-from __future__ import annotations
-
 import errno
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """What is written and said of health: limits, suspects by name, residuals, causes and the gauge to blame."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path

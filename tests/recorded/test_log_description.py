@@ -1,7 +1,5 @@
 """The description next to a log: what the recorder writes comes back, anything else gets one line."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Recordings and channels.toml that are wrong: one line with file, channel, what was found and what is allowed."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

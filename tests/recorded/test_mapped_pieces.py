@@ -1,7 +1,5 @@
 """A long text with channels.toml is read in pieces: the samples, lines for the user and refusals of the whole."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Flow parameters as columns of recorded data: health follows them, through map, FMU and filter."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

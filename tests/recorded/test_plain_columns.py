@@ -1,7 +1,5 @@
 """The plain form of estimates: few columns, angles in degrees, health in words, the same numbers."""
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Callable
 from pathlib import Path

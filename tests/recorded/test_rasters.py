@@ -1,7 +1,5 @@
 """Channels of several rasters, also in MF4 files that asammdf wrote."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Loads in newtons in every output, loads beside the five; a gauge that stands still; a flight and its page."""
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Callable
 from hashlib import sha256

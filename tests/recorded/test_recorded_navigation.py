@@ -1,7 +1,5 @@
 """Navigation of recorded data with the nonlinear estimator: Mach number and p_inf with deviations, no q_inf."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """``strainfmu estimate --zeros``: readings with zeros give the loads of strains without, by map and by FMU."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What a recording shows of its recorder, and the entry of the vehicle file that a line names."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

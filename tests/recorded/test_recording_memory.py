@@ -1,7 +1,5 @@
 """Memory of an estimate of HDF5 written to HDF5 does not grow with the length of the recording."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

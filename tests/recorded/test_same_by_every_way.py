@@ -3,8 +3,6 @@
 That map and FMU give the same numbers is held by tests/golden.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """``strainfmu estimate`` with auxiliary sensors: columns of every kind of file and unit, for maps and FMUs."""
 
-from __future__ import annotations
-
 from math import pi
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Smoothed samples: averages of both sides, known loads, what a filter does not average."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any
 

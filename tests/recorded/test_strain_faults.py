@@ -1,7 +1,5 @@
 """Strains that no gauge has measured are left out and named in the file: held rows, zeros, railed channels."""
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Callable
 from pathlib import Path

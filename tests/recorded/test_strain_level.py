@@ -1,7 +1,5 @@
 """The level of the strains: another unit is refused and named, a flight as the map expects it is not."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """``strainfmu estimate`` with temperatures: columns of every kind of file, for maps and FMUs."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

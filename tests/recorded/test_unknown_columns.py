@@ -1,7 +1,5 @@
 """Columns with unknown names: refused with the nearest known name, left out on request, never without a word."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

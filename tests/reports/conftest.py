@@ -1,7 +1,5 @@
 """Maps of both cases of one small vehicle, made once."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import pytest

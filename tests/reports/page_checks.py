@@ -1,7 +1,5 @@
 """What a reader's browser would find in a page: tags, names, tables, and whether it loads anything else."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from html.parser import HTMLParser
 

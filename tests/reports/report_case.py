@@ -1,7 +1,5 @@
 """A small vehicle with everything that a report needs: the ogive, Newtonian pressure, Fourier structure."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from pathlib import Path
 

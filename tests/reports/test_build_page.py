@@ -1,7 +1,5 @@
 """The report's page and files: one set of numbers in three forms, for any case, structure and gauges."""
 
-from __future__ import annotations
-
 import csv
 import json
 import re

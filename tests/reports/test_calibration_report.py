@@ -1,7 +1,5 @@
 """Check loads are predicted and not fitted; the worth of a test in flight; what its report says."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from importlib.util import find_spec

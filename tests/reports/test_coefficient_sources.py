@@ -1,7 +1,5 @@
 """Causes of the coefficients' variance add up, and each is what it would be alone."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """``strainfmu build`` leaves a report, ``inspect`` shows a map, ``check`` says where it will hold."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The report judges the estimator that a map is used with: of a map with tables the nonlinear one."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Callable

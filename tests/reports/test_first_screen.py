@@ -1,7 +1,5 @@
 """The first screen of a report: every sentence follows from a number, and goes with it."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """What a gauge is worth, against maps rebuilt without it, the normal distribution, and the estimator itself."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from inverse_case import cross_covariance

@@ -1,7 +1,5 @@
 """Pages of HTML: balanced, escaped, self-contained; tables hold raw numbers and show them rounded."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json

@@ -1,7 +1,5 @@
 """Pages in a browser: nothing is clipped at the widths of a laptop's and a tablet's window; long tables fold."""
 
-from __future__ import annotations
-
 import zipfile
 from pathlib import Path
 

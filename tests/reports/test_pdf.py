@@ -1,7 +1,5 @@
 """Pages as PDF: whole, repeatable, nothing beyond the margins, read by PDFium."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Iterator
 

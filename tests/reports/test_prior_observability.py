@@ -1,7 +1,5 @@
 """Classes of symmetry and observability, against constructed pressures and snapshots flown one by one."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

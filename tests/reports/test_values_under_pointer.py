@@ -1,7 +1,5 @@
 """Figures that show their values: numbers of the report at their places, in a browser with and without scripts."""
 
-from __future__ import annotations
-
 import re
 import time
 from dataclasses import replace

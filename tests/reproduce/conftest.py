@@ -1,7 +1,5 @@
 """What the tests of the reproduction share: one quick run of the command, and small models."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """The table of published numbers: as printed, with reasons and criteria for its entries only."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import cast
 

@@ -1,7 +1,5 @@
 """The source's flight conditions and gauges, as its text gives them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Case 1 and Case 2 studies on a small model, against what must hold for any."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Linear tetrahedra cut from swept hexahedra: the mesh, its strain, and the cyclic solver on it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """STEP and STL files of a vehicle's wall, drawn by Gmsh as a user's CAD system would."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The coarse ogive with entries changed, and a small vehicle like it that solves in a second."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The table of kinds of error: every use has the table's kinds, and every entry that it names exists."""
 
-from __future__ import annotations
-
 from dataclasses import fields
 
 import pytest

@@ -1,7 +1,5 @@
 """What a gauge as built reads of the strain of a wall, against the strain tensor along and across it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

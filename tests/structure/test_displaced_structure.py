@@ -1,7 +1,5 @@
 """Ground tests of any structure: known loads, what may differ as built, and the map after a simulated test."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

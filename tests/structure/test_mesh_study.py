@@ -1,7 +1,5 @@
 """Effect of the mesh on gauge strains and on maps built on them, in units of the gauges' noise."""
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Observability by a layout, against closed forms on a cylinder, and on the shipped vehicle's layouts."""
 
-from __future__ import annotations
-
 from math import pi, sqrt
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Maps built on the three-dimensional model, beside those of the Fourier model."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """``strainfmu structure`` on the swept mesh, as a user runs it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path

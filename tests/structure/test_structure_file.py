@@ -1,7 +1,5 @@
 """structure.h5: whole, of equal bytes for equal content, and refused when its parts do not fit."""
 
-from __future__ import annotations
-
 from dataclasses import fields, replace
 from pathlib import Path
 

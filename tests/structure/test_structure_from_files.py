@@ -1,7 +1,5 @@
 """``strainfmu structure`` on meshes and drawings of other programs, through to an FMU."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from hashlib import sha256

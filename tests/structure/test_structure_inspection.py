@@ -1,7 +1,5 @@
 """``strainfmu inspect`` of a structure prints what the file holds and what its layouts observe."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from io import StringIO

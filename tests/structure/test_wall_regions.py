@@ -1,7 +1,5 @@
 """How far stations belong to regions of the wall, and a taper over each."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

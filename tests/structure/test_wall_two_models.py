@@ -1,7 +1,5 @@
 """Walls and supports beyond one clamped wall: the Fourier model against three-dimensional elasticity."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

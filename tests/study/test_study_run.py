@@ -1,7 +1,5 @@
 """The file of a trade study: combinations, entries that are set, and what is refused."""
 
-from __future__ import annotations
-
 import csv
 import pickle
 from collections.abc import Callable, Sequence

@@ -1,7 +1,5 @@
 """Frames altered so that check sums and authenticators fit again: faults of values, of senders and of keys."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The shipped vehicle on a coarse mesh, solved for what may differ as built, once per run."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -5,8 +5,6 @@ payload was sampled. A VALID result is false if its strains were sampled at a ti
 exclude, or if no cycle had such strains. The bridge is used through its core: frames and times in, results out.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """The summary that a bridge prints at its end, and what it says of cycles without an answer."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 

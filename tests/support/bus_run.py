@@ -4,8 +4,6 @@ Its clock is that of both, and waits for the bridge: however busy the machine, n
 late.
 """
 
-from __future__ import annotations
-
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence

@@ -1,7 +1,5 @@
 """Maps of a vehicle as built: the shipped vehicle on the coarsest mesh in newtonian flow, after a ground test."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

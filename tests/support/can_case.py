@@ -1,7 +1,5 @@
 """A sender, a bridge core and an oracle in virtual time; the oracle knows nothing of how the core decides."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, replace

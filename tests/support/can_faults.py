@@ -3,8 +3,6 @@
 Names follow ISO 26262-6 (annex D) and IEC 61784-3 where they have one.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum

@@ -1,7 +1,5 @@
 """Vehicle files with entries changed, and how one that is wrong is refused."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

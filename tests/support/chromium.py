@@ -1,7 +1,5 @@
 """A headless Chromium, driven by the Chrome DevTools Protocol over pipes: no package is needed for that."""
 
-from __future__ import annotations
-
 import base64
 import json
 import os

@@ -1,7 +1,5 @@
 """What a reader of a page cannot see: content that does not fit into its box, or into the window."""
 
-from __future__ import annotations
-
 import time
 from pathlib import Path
 

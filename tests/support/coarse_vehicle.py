@@ -1,7 +1,5 @@
 """The shipped vehicle at a coarse resolution, its structure and real snapshots."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from math import radians
 from pathlib import Path

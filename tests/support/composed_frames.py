@@ -1,7 +1,5 @@
 """Frames of results and of states that no machine has made, by the compiled code that composes a machine's own."""
 
-from __future__ import annotations
-
 import ctypes
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Taylor-Maccoll flow over a cone without incidence, integrated."""
 
-from __future__ import annotations
-
 from math import asin, cos, pi, sin, tan
 
 import numpy as np

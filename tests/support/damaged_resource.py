@@ -1,7 +1,5 @@
 """Resources of a native FMU whose arrays were changed after they were written, with the checksum put right."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from functools import lru_cache
 from pathlib import Path

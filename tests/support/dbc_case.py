@@ -1,7 +1,5 @@
 """Small DBC files of two gauges, their mapping, and what a bridge makes of their frames."""
 
-from __future__ import annotations
-
 import struct
 from typing import Any
 

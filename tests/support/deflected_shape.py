@@ -1,7 +1,5 @@
 """The elliptic cone of :mod:`shape_case` with a flow parameter that rolls it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

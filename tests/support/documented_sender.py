@@ -3,8 +3,6 @@
 What it sends is dated by a true time, which the bridge never sees.
 """
 
-from __future__ import annotations
-
 import hashlib
 import struct
 from binascii import crc_hqx

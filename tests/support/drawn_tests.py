@@ -1,7 +1,5 @@
 """Ground tests without readings, and tests whose vehicle, loads and pads are drawn from a model's tolerances."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Ensembles of pressure fields that come from no campaign."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from builder.inverse.ensemble import Ensemble

@@ -4,8 +4,6 @@ A faulty sender is driven cycle by cycle, in any time: a test in virtual time an
 same faults.
 """
 
-from __future__ import annotations
-
 import heapq
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace

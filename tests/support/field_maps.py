@@ -1,7 +1,5 @@
 """A small map with a pressure field: four stations of a cylinder, eight roll angles, tables of a closed form."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

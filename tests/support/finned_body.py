@@ -9,8 +9,6 @@ positive where the trailing edge goes towards smaller roll angle, which at no in
 C_l > 0. Nodes on the body stay; the first row of elements is sheared.
 """
 
-from __future__ import annotations
-
 import sys
 from dataclasses import replace
 from math import atan

@@ -1,7 +1,5 @@
 """The native library with a map that has tables over the flight state, and random flights of such a map."""
 
-from __future__ import annotations
-
 from ctypes import c_int, c_size_t
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """A small vehicle with a flow in closed form: tables over the flight state whose truth is known."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

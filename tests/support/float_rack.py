@@ -1,7 +1,5 @@
 """A rack by a user's DBC file: a frame with a float64 for each gauge, and frames of other quantities."""
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Mapping, Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """A co-simulation in fmpy with a stop time, of FMI 2.0 or 3.0, that keeps what the FMU logs."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from ctypes import CFUNCTYPE, c_char_p, c_int, c_void_p, cast, string_at
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Every kind of estimator FMU, and a host that calls FMI 2.0 FMUs by names of variables."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path

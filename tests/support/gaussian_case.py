@@ -1,7 +1,5 @@
 """Random linear Gaussian models of candidate gauges, and rules for them."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.sparse import csr_array
 

@@ -1,7 +1,5 @@
 """Small maps that know of the vehicle's inertia."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Gmsh, where it is installed."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

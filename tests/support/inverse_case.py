@@ -1,7 +1,5 @@
 """The numbers that the tests of the inverse problem share."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

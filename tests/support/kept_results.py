@@ -6,8 +6,6 @@ process that calls one computes it, as the product does; the result is kept on d
 processes and for later runs of the same sources.
 """
 
-from __future__ import annotations
-
 import ast
 import os
 import pickle

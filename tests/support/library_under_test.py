@@ -1,7 +1,5 @@
 """Plug-in of pytest: Python takes the compiled library that the environment names."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

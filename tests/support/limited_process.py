@@ -1,7 +1,5 @@
 """``strainfmu`` in a child process with limits of time and memory: what a damaged file may cost."""
 
-from __future__ import annotations
-
 import os
 import resource
 import signal

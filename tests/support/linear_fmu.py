@@ -1,7 +1,5 @@
 """The native library with a linear map and its filter, and random flights of the map's own model."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """MF4 files as asammdf itself writes them: channels of several rasters, and logs of a CAN bus."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from datetime import datetime
 from pathlib import Path

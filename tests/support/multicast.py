@@ -1,7 +1,5 @@
 """Multicast on this machine."""
 
-from __future__ import annotations
-
 import socket
 
 import pytest

@@ -1,7 +1,5 @@
 """Damaged files: copies with a few random bytes changed, by fixed seeds; and a limit on how long one may take."""
 
-from __future__ import annotations
-
 import random
 import signal
 from collections.abc import Callable, Iterator

@@ -1,7 +1,5 @@
 """OP2 and punch files of element strains, written word by word after the layouts that Nastran documents."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A map and the resources of a native FMU made of it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

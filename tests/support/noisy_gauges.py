@@ -1,7 +1,5 @@
 """A bridge core in virtual time behind gauges with noise and quantisation, as a rack of amplifiers sends them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The coarse vehicle of many tests: an ogive that goes the whole way in seconds."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

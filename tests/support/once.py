@@ -1,7 +1,5 @@
 """Results that take long to make: one process of a run makes them, all of them read them."""
 
-from __future__ import annotations
-
 import os
 import shutil
 from collections.abc import Callable

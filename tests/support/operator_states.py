@@ -5,8 +5,6 @@ joins them. As a program it writes the pictures of the documentation:
 ``python tests/support/operator_states.py DEMO FOLDER``.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import signal

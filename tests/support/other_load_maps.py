@@ -1,7 +1,5 @@
 """Other loads: known combinations of the five loads of a map, and such as are none."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """Results as a bridge publishes them to the page, and the publisher."""
 
-from __future__ import annotations
-
 from copy import copy
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Maps whose snapshots have flow parameters."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

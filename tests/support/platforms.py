@@ -1,7 +1,5 @@
 """Programs that run what is built for other processors and systems; without one, the test is skipped."""
 
-from __future__ import annotations
-
 import os
 import shutil
 from pathlib import Path

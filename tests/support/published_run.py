@@ -1,7 +1,5 @@
 """The run that an estimator FMU publishes, read from its files alone, and what must hold of it."""
 
-from __future__ import annotations
-
 import csv
 import io
 import re

@@ -1,7 +1,5 @@
 """Recorded data of the synthetic vehicle, as files and as arrays."""
 
-from __future__ import annotations
-
 import csv
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """One recording in every format: groups of columns with names, units and times of their own."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Binary recordings written from the description of their format alone, by no library."""
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """One flight recorded by many programs, in formats, units and clocks of their own, each with its channels.toml."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

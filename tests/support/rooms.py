@@ -6,8 +6,6 @@ page with the counts of today; with ``--write`` it writes them, with ``--walk`` 
 ``build_map``.
 """
 
-from __future__ import annotations
-
 import ast
 import re
 import sys

@@ -1,7 +1,5 @@
 """A bridge in a thread of its own on a python-can bus, and a sender beside it."""
 
-from __future__ import annotations
-
 import threading
 import time
 from collections.abc import Callable

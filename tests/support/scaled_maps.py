@@ -1,7 +1,5 @@
 """Random maps in form "dynamic_pressure", small and consistent."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

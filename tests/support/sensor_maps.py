@@ -1,7 +1,5 @@
 """Maps some of whose rows are no strain gauges: ports, an inertial unit, load cells, displacement and a fibre."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The elliptic cone in newtonian flow, its structure in closed form: no body of revolution, made in a second."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import cache
 

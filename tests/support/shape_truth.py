@@ -1,7 +1,5 @@
 """The independent model of the elliptic cone of :mod:`shape_case`: the same beam, gauges displaced by chance."""
 
-from __future__ import annotations
-
 import numpy as np
 from shape_case import N_D, shape_structure
 

@@ -5,8 +5,6 @@ e2 a^2 cos 2 (phi - phi_T)) on two kinds of gauges, C_A constant, C_T = c1 a, M_
 everything.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

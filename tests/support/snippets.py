@@ -8,8 +8,6 @@
 <!-- snippet: clone -->           run in a clone of its own, by a slow test
 """
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Small bodies and direct solutions that the tests of the solid structure share."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from itertools import permutations
 

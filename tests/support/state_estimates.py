@@ -1,7 +1,5 @@
 """Estimates of the pressure states by a map, of the builder or finished: q = T d + k."""
 
-from __future__ import annotations
-
 from typing import Protocol
 
 import numpy as np

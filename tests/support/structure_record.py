@@ -1,7 +1,5 @@
 """A small structure to show: a cylinder whose gauges weigh pressure by known functions."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from builder.aero.surface.mesh import mesh_of_grid

@@ -1,7 +1,5 @@
 """Sweeps of which each run takes a few, and `pytest -m slow` the rest."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from itertools import product
 from typing import Any

@@ -1,7 +1,5 @@
 """Synthetic inputs made by numpy: numbers of a plausible size, no vehicle and no physics behind them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

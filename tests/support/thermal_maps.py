@@ -1,7 +1,5 @@
 """Small maps that know of the wall's temperature."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Cases of shipped trials by name, vehicles with other entries, worlds with other parts, health of a row."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from builder.trial.cases import Case, cases_for, load_trial

@@ -1,7 +1,5 @@
 """Figures that are made, saved as a point, and not drawn."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from io import BytesIO
 from typing import Any

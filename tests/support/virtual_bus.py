@@ -1,7 +1,5 @@
 """A master for FMUs of FMI-LS-BUS on FMPy's interface, operations as bytes, and a sender of strains in Python."""
 
-from __future__ import annotations
-
 import ctypes
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from math import floor, inf

@@ -1,7 +1,5 @@
 """Flights while the wall's temperature changes, by small maps with tables and temperature modes."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

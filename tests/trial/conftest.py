@@ -1,7 +1,5 @@
 """Worlds of the coarse vehicle of :mod:`coarse_vehicle`, with flows beyond its envelope, and of another shape."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Cases of a trial: files that are shipped, rows for a vehicle, and classes by what its file states."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,8 +1,6 @@
 """Estimators of several kinds: maps that know of the errors of a case, pressure fields, what each is given;
 learning ones and their bands, and the Kalman filter with a random walk."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

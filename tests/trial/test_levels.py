@@ -1,7 +1,5 @@
 """Quantiles in the tail of a sample, and the alarm levels that follow from them, of any shape."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any

@@ -1,7 +1,5 @@
 """Rows of the long table: five parts of the samples, statistical errors on draws of a known law, verdicts."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import radians
 from pathlib import Path

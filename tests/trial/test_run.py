@@ -1,8 +1,6 @@
 """Trials of coarse vehicles and of the shipped one: verdicts that hold, limits that are known, coverage at every
 altitude, both plans, sensors, masses, heat, lost gauges."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,8 +1,6 @@
 """``strainfmu trial``, ``stress`` and ``compare`` as a user runs them: files, second and ended runs, workers,
 without scikit-learn, refusals."""
 
-from __future__ import annotations
-
 import csv
 import json
 from collections.abc import Callable

@@ -1,8 +1,6 @@
 """What a case does: where it is flown, motion, faults of readings, heat, friction and other pressure, beside
 closed forms."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import radians
 from typing import Any

@@ -1,7 +1,5 @@
 """Flights of the independent model of a shape that is no body of revolution, its structure a closed form."""
 
-from __future__ import annotations
-
 from functools import cache
 from typing import Any
 

@@ -1,8 +1,6 @@
 """The independent model of a body of revolution: its table of pressure, exact where it must be, closed outside its
 knots; strain and coefficients against the operators of a structure solved for each error on the pressure."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import asin, atan2, cos, radians, sin
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Entries within their limits that are hardly meant are questioned; those of the shipped vehicles are not."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from math import degrees, pi, radians

@@ -3,8 +3,6 @@
 Passwords, keys, binaries and devices without end; memory is measured in a process of its own.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import re

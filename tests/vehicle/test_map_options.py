@@ -1,7 +1,5 @@
 """What the sections [map] and [noise] take, and how they refuse the rest."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

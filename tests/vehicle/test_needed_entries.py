@@ -1,7 +1,5 @@
 """Entries of [truth] and [resolution]: required where a model of the vehicle uses them, and nowhere else."""
 
-from __future__ import annotations
-
 import re
 from math import radians
 from pathlib import Path

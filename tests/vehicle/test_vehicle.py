@@ -1,7 +1,5 @@
 """The vehicle file: what it means, and that every fault is one line that names the entry."""
 
-from __future__ import annotations
-
 from math import degrees, pi, radians, tan
 from pathlib import Path
 

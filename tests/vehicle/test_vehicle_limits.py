@@ -1,7 +1,5 @@
 """Limits of the vehicle file: every number has a range, derived sizes have one, all faults are listed."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, get_args

@@ -1,7 +1,5 @@
 """The results of another flow solver as an engine: the cases of a manifest, mapped to the vehicle's surface."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property

@@ -1,7 +1,5 @@
 """A quantity on a surface, as a flow solver wrote it: one form for all file formats."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path

@@ -19,8 +19,6 @@ bounds the error of the interpolation. A node with points on one side only, as a
 a straight line through two places among the points.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from hashlib import sha256

@@ -1,7 +1,5 @@
 """Units and pressure conventions of CFD results, and how they become p/p_inf."""
 
-from __future__ import annotations
-
 from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO
 from strainfmu.errors import InputError

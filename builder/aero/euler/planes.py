@@ -1,7 +1,5 @@
 """Cross-planes of the march: resolution, the flow in each, and the balance of mass and momentum up to it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Literal
 

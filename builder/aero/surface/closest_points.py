@@ -5,8 +5,6 @@ doubled and both sides' triangles touch. So each target point brings its outward
 faces away is only chosen where no other is near.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import chain

@@ -3,8 +3,6 @@
 Connected parts of a triangulated surface, and nodes that lie at one place.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import radians
 

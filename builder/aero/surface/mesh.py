@@ -4,8 +4,6 @@ The common form of every aerodynamic surface: pressure is linear over each trian
 edge and the pressure may jump, nodes are doubled: two nodes at one place, each belonging to one side.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from hashlib import sha256

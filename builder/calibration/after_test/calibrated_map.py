@@ -1,7 +1,5 @@
 """The map of a vehicle as built: its strain operator, and what the test left unknown as errors of the map."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any

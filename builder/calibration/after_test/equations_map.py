@@ -9,8 +9,6 @@ loads that are left out of the fit one by one, Y of what the applied loads leave
 that redundant gauges allow. Without redundancy there is no y, and a fault of a gauge is a load.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import date

@@ -5,8 +5,6 @@ of the independent model; its change by the vehicle is the map's own model's, to
 The errors that no ground test knows are drawn as for the map of the drawing.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

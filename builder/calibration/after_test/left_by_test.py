@@ -9,8 +9,6 @@ of the nonlinear estimator does not know the common errors, as it does not know 
 test: a gain that corrects them has a fifth more error in C_N.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -9,8 +9,6 @@ residuals of a Gaussian model, Rasmussen & Williams, *Gaussian Processes for Mac
 block by block.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from itertools import permutations

@@ -14,8 +14,6 @@ priors pay for their freedom, so that the simpler cause wins where both fit.
 Source: Rasmussen & Williams, *Gaussian Processes for Machine Learning*, sections 5.2 and 5.4.2.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 

@@ -6,8 +6,6 @@ with the covariance of the prediction: what the test left unknown, where the pad
 is the error of the predicted load. Source of the practice: Lokos and Stauf, NASA TM-2004-212853.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

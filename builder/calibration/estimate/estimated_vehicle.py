@@ -5,8 +5,6 @@ the loads, their length controlled as by Levenberg and Marquardt. Derivatives ar
 a step that raises the cost with new derivatives is damped.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

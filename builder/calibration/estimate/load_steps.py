@@ -10,8 +10,6 @@ scatter of steps about the curve of their cell is estimated: it has the errors o
 Source of the practice: AIAA R-091, Calibration and use of internal strain-gage balances.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple

@@ -14,8 +14,6 @@ as stated. Where it is, the terms are judged by that noise.
 Source: Cox and Hinkley, Theoretical Statistics (1974), section 9.3.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -10,8 +10,6 @@ generalised cross-validation.
 Source: Skopinski, Aiken and Huston, NACA Report 1178 (1954); Golub, Heath and Wahba, Technometrics 21 (1979).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -7,8 +7,6 @@ fits, mean that loads, units or signs are not what is stated; a map of them woul
 many faults at once: what gauges and loads have in common is wrong rather than each of them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -3,8 +3,6 @@
 A plain test has pads over the body in two planes and more, and own weight in four attitudes.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

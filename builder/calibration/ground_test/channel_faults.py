@@ -12,8 +12,6 @@ has as many fewer samples. A channel that stands still throughout has no noise o
 median of the others. Where none has noise, no channel is named.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The file of a test without a model, and its table: loads applied and readings of the gauges, row by row."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from datetime import date
 from pathlib import Path

@@ -16,8 +16,6 @@ Source: Smyth, Linear models and empirical Bayes methods, Stat. Appl. Genet. Mol
 section 6.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path

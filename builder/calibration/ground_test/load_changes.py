@@ -1,7 +1,5 @@
 """Loads as they are applied rather than as they are stated: of another size, at another place, on another pad."""
 
-from __future__ import annotations
-
 from dataclasses import fields, replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A ground test in memory: load cases, how exactly their loads are known, and what the gauges read."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 

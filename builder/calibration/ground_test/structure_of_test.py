@@ -4,8 +4,6 @@ Joints that the file does not name, and Young's modulus by regions, are taken fo
 the readings can set them free.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from builder.reporting import Progress

@@ -4,8 +4,6 @@ of loading and unloading, zero readings between, and the time that it takes.
 A case buys smaller standard deviations of the vehicle's parameters, which are given kind by kind and in words.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

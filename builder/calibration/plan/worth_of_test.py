@@ -1,7 +1,5 @@
 """What a finished test is worth in flight: sigmas before and after it, the best further case, loads it covered."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -5,8 +5,6 @@ Every vehicle brings estimators of its own. An estimator is named by the kind of
 vehicle: "nonlinear" after the test, "nonlinear, known exactly", "nonlinear, before the test". "load equations" are
 regressions on the readings of the test."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial

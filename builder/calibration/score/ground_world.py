@@ -6,8 +6,6 @@ body are smooth random functions of the station, of the standard deviations that
 They are taken piece by piece over other, shorter regions on a finer mesh: thickness linearly and without steps,
 the others by the mean of each piece. The tables of the structure are solved once; all vehicles share them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache

@@ -4,8 +4,6 @@ The vehicle is a structure of its own, finer than the map's. What the recorder w
 channels.toml and a loadtest.toml, as a test brings them home.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path

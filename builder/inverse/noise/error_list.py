@@ -15,8 +15,6 @@ The role says what the gain may do about an error. Covariances and alarms have a
 With auxiliary sensors, as pressure ports, errors of the pressure on the surface are estimated: these measure it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any

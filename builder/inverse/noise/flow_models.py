@@ -10,8 +10,6 @@ Ambient pressure in the shadow and a Prandtl-Meyer expansion differ by most of p
 leeward side. So a part of their difference counts as an error of the pressure, in strain and loads together.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

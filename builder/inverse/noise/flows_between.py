@@ -10,8 +10,6 @@ standard deviation, without extrapolation (Eca and Hoekstra, J. Comput. Phys. 26
 data). On the shipped vehicle a grid 1.5 times finer than the map's differs from it by 0.4 to 1.4 times as much.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property

@@ -12,8 +12,6 @@ would differ by about as much, in a pattern that is partly the same. So half of 
 that all gauges have in common, half as an error of each gauge on its own.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, cast

@@ -1,7 +1,5 @@
 """Inertia of a vehicle: strain of its gauges by specific force, angular acceleration and rates, and its errors."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 

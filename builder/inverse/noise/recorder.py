@@ -5,8 +5,6 @@ cancel are columns of strain. A scanner's delay t_i of gauge i reads t_i (d stra
 follows the flow.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from builder.inverse.ensemble import Ensemble

@@ -1,7 +1,5 @@
 """Temperature modes of a vehicle: thermal strain of its gauges, and what its sensors see of them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

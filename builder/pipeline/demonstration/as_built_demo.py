@@ -4,8 +4,6 @@ The vehicle is drawn from the tolerances of the section [calibration]. It is tes
 model, finer than the map's, with a wall of its own; the map sees the readings of the test alone.
 """
 
-from __future__ import annotations
-
 import os
 from dataclasses import dataclass
 from functools import cached_property

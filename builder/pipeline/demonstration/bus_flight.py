@@ -1,7 +1,5 @@
 """Sender and bridge as two processes over udp_multicast: the end of ``strainfmu demo --can``."""
 
-from __future__ import annotations
-
 import json
 import os
 import secrets

@@ -10,8 +10,6 @@ largest, at a time: tables over the flight state need a grid. Of any other table
 left out at a time. What is left out is between flows of the map, never beyond them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple

@@ -3,8 +3,6 @@
 Errors that the stated uncertainties of one vehicle file do not include, in words.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -5,8 +5,6 @@ sentence follows from numbers of the report; one without its cause is left out. 
 where it is the nonlinear one, sentences on the linear map alone are left out.
 """
 
-from __future__ import annotations
-
 import json
 from dataclasses import asdict, dataclass
 from operator import itemgetter

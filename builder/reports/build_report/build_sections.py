@@ -3,8 +3,6 @@
 What a review adds to the report: gauges that could go, gauges that would help, and what stays unobserved.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from builder.figures import gauge_figures, observability_figures

@@ -1,7 +1,5 @@
 """The tables of a build report: those on the page, and those that only the files hold."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from math import degrees

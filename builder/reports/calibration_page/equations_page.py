@@ -1,7 +1,5 @@
 """The page of load equations without a model: verdict, coefficients, residuals by load and gauge, check loads."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from builder.calibration.after_test.equations_map import FittedEquations

@@ -5,8 +5,6 @@ The rule is plain: the test is accepted where all criteria hold, and each that d
 What the report of a calibration is made from.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -5,8 +5,6 @@ Covariance of estimated loads, for any gain, summed over the noise terms.
 The weight of the prior in a map of Case 2: gamma by each rule, and the L-curve.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cached_property

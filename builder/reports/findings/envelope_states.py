@@ -3,8 +3,6 @@
 What the nonlinear estimator knows over the envelope: standard deviations by Mach number and total incidence.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import degrees
 

@@ -6,8 +6,6 @@ and navigation at a flight state, with a gain of each (:mod:`strainfmu.estimator
 variance is a sum over the sources.
 """
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

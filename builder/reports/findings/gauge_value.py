@@ -11,8 +11,6 @@ variance rises by diag(K P_RR K'); considered errors E = N G' - M become E - N P
 precision of each gauge alone are means over few states of the envelope.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import combinations
 from typing import NamedTuple, TypedDict

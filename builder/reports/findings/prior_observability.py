@@ -9,8 +9,6 @@ Bayesian gain (gamma = 1) on all modes.
 Symmetry classes of pressure: its parts that are even or odd under y -> -y and under z -> -z, as projections.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

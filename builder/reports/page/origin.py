@@ -1,7 +1,5 @@
 """What a report was made from: version, date, and the hash of every file that it follows from."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass

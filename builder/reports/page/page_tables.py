@@ -1,7 +1,5 @@
 """Tables of raw numbers with units: shown rounded, written in full to CSV and JSON."""
 
-from __future__ import annotations
-
 import csv
 import io
 from collections.abc import Callable, Iterable, Mapping, Sequence

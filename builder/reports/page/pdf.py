@@ -7,8 +7,6 @@ Pictures are the page's; SVG, which reportlab does not read, and links to files 
 This module needs reportlab: import it where a PDF is written.
 """
 
-from __future__ import annotations
-
 import io
 from functools import cache
 from html import escape

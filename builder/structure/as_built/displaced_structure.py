@@ -11,8 +11,6 @@ What gauges as built read on a structure of any shape: by the strain of displace
 Shifts and turns of gauges act to first order, the wall's thickness inversely.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property

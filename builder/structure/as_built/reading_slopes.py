@@ -10,8 +10,6 @@ strain with other weights, by wall, clamp, joints and stations from the tables, 
 :mod:`builder.structure.as_built.reading_slopes`. By the roll angle they are differences of the phases alone.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import numpy as np

@@ -6,8 +6,6 @@ Amplitudes are arrays (.., n_m, n_s, 3): harmonic in roll angle, station, and me
 What leads is the load's: its two families of harmonics, or the stations of a pressure.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any

@@ -18,8 +18,6 @@ wall's stiffness there, times cos(w phi); the slope of the inner surface round t
 radius of what is kept. The strain b on the inner surface moves with it, and so does the mass.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from functools import cached_property
 

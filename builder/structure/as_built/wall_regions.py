@@ -3,8 +3,6 @@
 How many parameters of each kind a vehicle has: of its gauges, rows, regions of the wall and joints.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

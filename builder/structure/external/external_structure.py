@@ -12,8 +12,6 @@ Z_p from an influence matrix: strain per force at nodes times the nodal forces o
 The influence matrix of a mesh of ours, in the form that other codes' matrices are read in.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from hashlib import sha256

@@ -4,8 +4,6 @@ HDF5 with the datasets ``node`` (n, 3) [m], ``facet`` (f, 3 .. 8) numbered from 
 ``strain_per_force`` (k, n, 3) [1/N]; or CSV, a row per node and direction, with the facets in a second file.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path

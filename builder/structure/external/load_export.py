@@ -7,8 +7,6 @@ Load cases for another structural code: the net surface pressure of every snapsh
 The columns of gauges in files of another structural code: which layouts they make up.
 """
 
-from __future__ import annotations
-
 import csv
 import io
 from collections.abc import Mapping, Sequence

@@ -3,8 +3,6 @@
 Header and rows of a CSV file of another structural code's tables, with their line numbers.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isfinite

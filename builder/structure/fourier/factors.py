@@ -7,8 +7,6 @@ factor is read once for a block of them, and the zeros within the band are left 
 Source: Golub and Van Loan, Matrix Computations (4th ed.), section 4.3.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import NamedTuple
 

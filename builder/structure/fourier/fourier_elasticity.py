@@ -7,8 +7,6 @@ loads leave out the common factor of the integral over roll, 2 pi for m = 0 and 
 Source: Zienkiewicz and Taylor, The Finite Element Method, vol. 2 (5th ed.), section 9.5.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property

@@ -3,8 +3,6 @@
 Displacement of points on the inner surface per surface pressure, by the adjoint solves that give strain.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

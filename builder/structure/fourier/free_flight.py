@@ -5,8 +5,6 @@ Only harmonics 0 and 1 move a rigid body: along the axis, and across it with a t
 motions.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.sparse import csc_array, csr_array
 

@@ -7,8 +7,6 @@ matrix times that field, which quadratic elements hold exactly; only harmonics 0
 nothing holds is balanced by the inertia of its rigid motions, as under air loads: f and dw/dt strain nothing.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 

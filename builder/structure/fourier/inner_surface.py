@@ -3,8 +3,6 @@
 Strain gauges on the inner surface: their position, and the strain that they measure there.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

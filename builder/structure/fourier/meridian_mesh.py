@@ -4,8 +4,6 @@ Every element has nine nodes, the tensor product of three along the wall (xi, po
 through it (eta, positive outwards): local node = 3 * (node along) + (node through).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Literal

@@ -5,8 +5,6 @@ off and the loads stay complete. The collapsed elements pass rigid motions exact
 harmless, because they lie in the solid tip, tens of wall thicknesses ahead of the first possible gauge.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from itertools import pairwise
 

@@ -6,8 +6,6 @@ component (adjoint), then a product with the pressure load L. Source: the paper'
 Consistent nodal forces of a pressure on the outer surface.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass

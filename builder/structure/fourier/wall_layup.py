@@ -4,8 +4,6 @@ A ring frame is a block of elements inside the wall, joined to it between its tw
 its edges under the frame; gauges are refused there.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise

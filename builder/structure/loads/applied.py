@@ -5,8 +5,6 @@ right-hand rule. Roll angles are in radians from +z toward +y. ``"outer"`` and `
 wall; a three-dimensional structure has others by name.
 """
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Strain of a structure's gauges under known loads."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -4,8 +4,6 @@ Nodal forces are arrays (3 n,) [N], 3 * node + component along body axes. What a
 inner pressure and heat, is not known of such a structure.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

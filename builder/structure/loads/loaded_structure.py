@@ -1,7 +1,5 @@
 """What known loads need of a structure, for any discretisation."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol

@@ -5,8 +5,6 @@ What gauges read of a vehicle that stands or hangs on the ground: own weight and
 Strain of own weight and ambient pressure while zero offsets are taken: options of ``strainfmu tare``.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import radians
 from pathlib import Path

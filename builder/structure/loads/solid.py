@@ -4,8 +4,6 @@ Nodal forces are arrays (n_dof,) [N], dof = 3 * node + component along body axes
 solved for once (adjoint, as in :mod:`~builder.structure.solid.strain_solution`), so that a load costs a product.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property

@@ -1,7 +1,5 @@
 """Temperature fields of the wall: over stations and roll angle, linear from its inner to its outer surface."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -4,8 +4,6 @@ A body of revolution gets the mesh that is chosen: swept, made by Gmsh, or impor
 surface has the mesh that its file names.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property, lru_cache

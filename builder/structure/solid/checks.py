@@ -18,8 +18,6 @@ The loads are pressure cos(m phi) and sin(m phi), m = 0 to 4, constant along x a
 at the base: what air does to a slender body, and what bends its wall.
 """
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -16,8 +16,6 @@ Shape of elements: scaled Jacobian, folded elements, and how to unfold them.
 Closest points on the curved facets of a surface.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cache, cached_property
 from typing import Literal

@@ -7,8 +7,6 @@ The rows of moved gauges are further right-hand sides of the one factorisation, 
 Gauges on a surface of any mesh: by position, by station and roll angle, by node or by element.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cached_property
 from math import cos, radians, sin

@@ -8,8 +8,6 @@ Meshes of CAD files by Gmsh: quadratic tetrahedra in the solids of a STEP file o
 Meshes of a vehicle's wall by Gmsh: quadratic tetrahedra of one size or graded along the body.
 """
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Iterator
 from dataclasses import replace

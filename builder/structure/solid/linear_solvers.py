@@ -11,8 +11,6 @@ petsc4py, for one, is built for Debian's numpy.
 The peak of memory in the statistics is this process' own; each of the others holds its part of the factor.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

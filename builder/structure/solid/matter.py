@@ -7,8 +7,6 @@ times that acceleration. It sums to nothing, so any support that holds the six r
 and leaves the strain as it is (Nelson and Wolf, NASA TM X-3524, 1977). Rotation is slow: no centrifugal forces.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any

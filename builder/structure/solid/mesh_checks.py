@@ -5,8 +5,6 @@ Summary of a mesh as rows for print: counts, quality of elements, volumes, areas
 Comparison of a mesh that is read with the vehicle file: its length, its radius, its wall.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Choice of the mesh of a vehicle's structure: swept, made by Gmsh, or imported."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path

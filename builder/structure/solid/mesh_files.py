@@ -6,8 +6,6 @@ file (Nastran, Gmsh), or arrays of 0 and 1 on cells or points named like the sur
 Solid meshes with fields at their nodes as .vtu, for ParaView.
 """
 
-from __future__ import annotations
-
 import contextlib
 import io
 import tempfile

@@ -7,8 +7,6 @@ force and moment of the pressure on it.
 Facets of a surface cut into triangles, for pressure that another surface carries at its own nodes.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.sparse import coo_array, csr_array
 

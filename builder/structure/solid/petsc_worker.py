@@ -4,8 +4,6 @@ It imports only numpy, mpi4py and petsc4py, because its interpreter may lack thi
 its own rows. Rank 0 takes one word at a time from standard input, ``solve`` or ``end``, and prints ``done``.
 """
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 from typing import Any

@@ -4,8 +4,6 @@ mesh -> checks and report -> locking check -> gauges -> supports and solution ->
 touch (checks, report, locking) is taken from a file made before on the same mesh.
 """
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Mapping
 from pathlib import Path

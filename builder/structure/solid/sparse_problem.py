@@ -11,8 +11,6 @@ quarter of the unknowns take the place of one (Bossavit, Comput. Methods Appl. M
 SuperLU, which scipy brings along.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass

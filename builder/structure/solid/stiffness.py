@@ -4,8 +4,6 @@ K_ab = integral of lambda grad N_a (grad N_b)^T + mu grad N_b (grad N_a)^T + mu 
 3 x 3 block of nodes a and b (Bathe, Finite Element Procedures, section 4.2, in index notation).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 
 import numpy as np

@@ -6,8 +6,6 @@ pressure nodes there are. Source: the paper's eq. Z_p = B A^-1 C_map.
 The solution for Z_p: by sectors where the mesh is made of them, on the full mesh otherwise.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 

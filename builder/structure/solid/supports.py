@@ -4,8 +4,6 @@ Constraints are kept exactly: the displacement is u = free q with q the free mot
 free^T A free alone. At each held node the free motions are unit vectors, turned where the held directions are.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any

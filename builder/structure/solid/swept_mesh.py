@@ -11,8 +11,6 @@ tenth of the inner section, and is cut off where it has a fiftieth of its radius
 :mod:`builder.structure.solid.swept_mesh`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property

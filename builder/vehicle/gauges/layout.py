@@ -8,8 +8,6 @@ a vector, ``direction_x, direction_y, direction_z``, or ``angle_deg`` from the l
 angle: 0 is axial, 90 is hoop.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path

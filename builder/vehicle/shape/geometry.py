@@ -5,8 +5,6 @@ The meridian r(x) consists of segments from the tip at x = 0 to the base: cones,
 may jump there.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property

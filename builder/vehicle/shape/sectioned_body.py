@@ -1,7 +1,5 @@
 """A pointed body given by superelliptic sections along x: |y/a|^n + |(z - c)/b|^n = 1."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property

@@ -1,7 +1,5 @@
 """Faults of a vehicle file, in one line each: which entry, what is allowed, what was found."""
 
-from __future__ import annotations
-
 import difflib
 from collections.abc import Iterator
 from functools import cache

@@ -3,8 +3,6 @@
 Checks of a vehicle's parts know entries, not files: :func:`naming` adds the file to the line of what they refuse.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path

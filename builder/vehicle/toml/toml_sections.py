@@ -4,8 +4,6 @@ Limits, of derived sizes too, are wide enough for any vehicle that can be meant.
 unit or of a digit; it is refused before it costs hours or memory.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise

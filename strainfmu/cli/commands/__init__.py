@@ -1,7 +1,5 @@
 """The sub-commands of ``strainfmu``: arguments in, calls into the packages, tables out; one file per theme."""
 
-from __future__ import annotations
-
 from collections.abc import Container
 from functools import partial
 from importlib import import_module

@@ -1,7 +1,5 @@
 """A command of the program: its help in panels, and options refused that do not go together."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise

@@ -4,8 +4,6 @@ They are read from the source, so that a help text imports nothing that computes
 in :mod:`~strainfmu.cli.commands.spellings`.
 """
 
-from __future__ import annotations
-
 import ast
 import inspect
 import math

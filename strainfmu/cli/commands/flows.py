@@ -1,7 +1,5 @@
 """Surface pressure: ``strainfmu snapshots``, ``surface`` and ``convert``; ``picture`` shows it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from time import perf_counter
 from typing import Any

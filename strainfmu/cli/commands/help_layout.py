@@ -1,7 +1,5 @@
 """The order of the help: commands in panels with their pages, options in panels, and options that go together."""
 
-from __future__ import annotations
-
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
 from strainfmu.estimator.signal_names import TARE
 from strainfmu.flight_condition import ALTITUDE, ANGLE_OF_ATTACK, MACH_NUMBER

@@ -1,7 +1,5 @@
 """What commands print: lines as they are, without markup and breaks."""
 
-from __future__ import annotations
-
 from time import perf_counter
 
 from rich.console import Console

@@ -1,7 +1,5 @@
 """What signatures of the commands' functions do not say: other names, metavars, ranges, units, texts to read."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import isfinite, isnan, pi, radians

@@ -1,7 +1,5 @@
 """Three-dimensional structures: ``strainfmu structure`` computes the strain of gauges per surface pressure."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path

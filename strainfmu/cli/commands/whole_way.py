@@ -1,7 +1,5 @@
 """A vehicle file from one end to the other: ``strainfmu demo`` and ``strainfmu check``."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from time import perf_counter
 from typing import Any

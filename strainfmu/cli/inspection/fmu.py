@@ -1,7 +1,5 @@
 """Inspection of an FMU, of this project's and any other: ``strainfmu inspect X.fmu``."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

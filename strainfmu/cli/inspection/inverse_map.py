@@ -1,7 +1,5 @@
 """Inspection of a map, as tables and figures: ``strainfmu inspect map.h5``."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import is_dataclass
 from math import degrees

@@ -1,7 +1,5 @@
 """What a map says of its making, in words and with units: part of ``strainfmu inspect map.h5``."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What an estimator FMU says of itself: inputs, outputs, and the gauges, sensors and places they are of."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Sequence
 from itertools import count, takewhile

@@ -1,7 +1,5 @@
 """The inputs and outputs of an estimator's FMU, which one call of compiled code moves in a step."""
 
-from __future__ import annotations
-
 import ctypes
 from collections.abc import Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """Source of an estimator's step: an FMU or a map, opened and closed again."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass

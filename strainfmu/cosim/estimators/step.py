@@ -1,7 +1,5 @@
 """Step of an estimator, as bridge and recorded data take it: strains and dynamic pressure in, coefficients out."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 

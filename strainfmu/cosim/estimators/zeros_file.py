@@ -4,8 +4,6 @@ The strain of known loads, which a tare takes off, has a file of the same form. 
 wanted, by the table ``[made_from]``.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 

@@ -17,8 +17,6 @@ the pole of which is -p and which leaves the step response as it is. The damping
 ``fmus/native/autopilot/autopilot.c`` is the law in C, :mod:`strainfmu.cosim.models.autopilot_law` in numpy.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

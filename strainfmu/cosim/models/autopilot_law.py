@@ -3,8 +3,6 @@
 The native FMU computes it in C (``fmus/native/autopilot/autopilot.c``); its reference run comes from here.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from math import isfinite
 

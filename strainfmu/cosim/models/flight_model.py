@@ -5,8 +5,6 @@ strain round the body. So one table of circumferential harmonics over (Mach numb
 every flight condition. Between the knots it is a tensor-product cubic polynomial.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from math import cos, degrees, sin
 from os import PathLike

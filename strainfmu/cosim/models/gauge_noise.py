@@ -5,8 +5,6 @@ repeated from anywhere. Bits come from SplitMix64 (Steele, Lea & Flood, OOPSLA 2
 from polynomials, one per octave of the probability, so that no function of a mathematical library is called.
 """
 
-from __future__ import annotations
-
 from functools import cache
 from statistics import NormalDist
 

@@ -4,8 +4,6 @@ The native FMU computes it in C (``fmus/native/plant/plant.c``); its reference r
 docs/explanation/flight.md holds the equations.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import ceil

@@ -1,7 +1,5 @@
 """Signals over time that jump at given times: commands and gauge faults, as an FMU that any engine can run."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The flown trajectory: a CSV table of flight conditions, smooth between its rows."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isfinite

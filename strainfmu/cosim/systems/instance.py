@@ -1,7 +1,5 @@
 """One FMI 2.0 co-simulation instance behind preallocated arrays, driven through fmpy."""
 
-from __future__ import annotations
-
 import ctypes
 import os
 import platform

@@ -5,8 +5,6 @@ same communication point, so a series of FMUs has no delay, and the outputs at t
 of FMUs needs a delayed connection: its target gets what the source gave at the communication point before.
 """
 
-from __future__ import annotations
-
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence

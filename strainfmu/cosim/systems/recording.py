@@ -1,7 +1,5 @@
 """Recording of a co-simulation, on disk and in memory."""
 
-from __future__ import annotations
-
 import csv
 import io
 from dataclasses import dataclass, field

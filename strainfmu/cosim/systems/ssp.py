@@ -6,8 +6,6 @@ libcosim refuse connectors of the system itself. An SSP knows no delays: an engi
 delays every connection by a step.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path

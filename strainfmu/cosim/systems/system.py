@@ -1,7 +1,5 @@
 """A system of connected FMUs: what there is, what goes where, and in which order it is stepped."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from graphlib import CycleError, TopologicalSorter

@@ -9,8 +9,6 @@ so that every linear response to it is
 u and w go through zero incidence without a jump where the polar angle phi_T has one.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple

@@ -10,8 +10,6 @@ tables of amplitudes of modes V. A residual r = d - y(x) of strain corrects it a
 p + C S^-1 r, C the covariance of pressure off the tables with its strain.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property

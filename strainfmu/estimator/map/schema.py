@@ -8,8 +8,6 @@ transpose where its stored shape names the axes in the reverse order; it has the
 names 5, the strain gauges of n_d rows where it names n_strains, and the rows after them where it names n_others.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import KW_ONLY, MISSING, Field, dataclass, field, fields, is_dataclass

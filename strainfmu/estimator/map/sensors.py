@@ -20,8 +20,6 @@ In free flight strain per pressure has the inertia of the motion that the pressu
 then 0 for the masses of the model, and nothing counts twice.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 

@@ -6,8 +6,6 @@ holds all values of the snapshots. The nonlinear one does where their standard d
 hold, whatever strain and coefficients say.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import radians
 from typing import Any

@@ -1,8 +1,6 @@
 """Air data: what is known of the flight state in addition to strain, what q_inf is computed from, and how an
 estimate judges them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from math import log

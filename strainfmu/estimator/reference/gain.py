@@ -4,8 +4,6 @@ A finished map holds primary quantities alone. Reports, pages and the builder ta
 them.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -5,8 +5,6 @@ are free (Case 1) or columns (Case 2), as are errors that grow with the pressure
 gain assumes a prior of covariance 1 / gamma (``eq:ls-solution``), its truth a prior of 1, and they may differ.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import NamedTuple
 

@@ -14,8 +14,6 @@ sample, is the mean square of its error under the full model, and the alarms hav
 Source: Schmidt, Advances in Control Systems 3 (1966) 293, for considered parameters.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import log

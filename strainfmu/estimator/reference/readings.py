@@ -5,8 +5,6 @@ have the amplitudes a. Temperature sensors read theta = C a + e: the update give
 are corrected at a, which is not linear in it; the rest of the modes adds Phi P Phi' to the covariance of rows.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray

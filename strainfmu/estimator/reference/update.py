@@ -10,8 +10,6 @@ the residual of many samples at any s from one decomposition; :func:`joseph` giv
 makes of a model that it was not made for.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import NamedTuple
 

@@ -8,8 +8,6 @@ Source: Goldenshluger and Nemirovski, On spatially adaptive estimation of nonpar
 Methods of Statistics 6 (1997).
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

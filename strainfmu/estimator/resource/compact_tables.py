@@ -10,8 +10,6 @@ across its meridian, and E is the same all around a station.
 **Factors.** Tables of what flow parameters change are sums of few tables; their errors are products.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import lru_cache
 from math import atan2, cos, sin

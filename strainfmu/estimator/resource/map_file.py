@@ -10,8 +10,6 @@ Every value has the same bits on every machine (:mod:`strainfmu.estimator.numeri
 and directions of the linear estimator follow from them: the compiled estimator computes these as it opens a map.
 """
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Content of an FMU file: its description, this project's own entries, its files."""
 
-from __future__ import annotations
-
 import json
 import zipfile
 from pathlib import Path

@@ -5,8 +5,6 @@ importers, their versions and results. Source: fmi-standard.org, CONTRIBUTING, "
 file formats follow the FMI Cross-Check rules 4.1.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess

@@ -8,8 +8,6 @@ Inputs are set at the start of each step and held; outputs are read at its end. 
 the importer gives before the first step, empty where it gives nothing.
 """
 
-from __future__ import annotations
-
 import csv
 import ctypes
 import sys

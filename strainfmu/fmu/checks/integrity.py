@@ -1,7 +1,5 @@
 """Integrity of an FMU file: the check sums of its archive, and of the maps and models that are ours."""
 
-from __future__ import annotations
-
 import hashlib
 import zipfile
 import zlib

@@ -1,7 +1,5 @@
 """Cost of one step of each kind of estimator FMU, through FMPy and in a C host."""
 
-from __future__ import annotations
-
 import ctypes
 import shutil
 import subprocess

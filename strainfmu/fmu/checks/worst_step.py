@@ -1,7 +1,5 @@
 """Processor time of the dearest steps of native FMUs, event by event, in a C host: what a deadline must hold."""
 
-from __future__ import annotations
-
 import platform
 import sys
 import tempfile

@@ -1,7 +1,5 @@
 """Description of an FMU besides its variables, for both FMI versions."""
 
-from __future__ import annotations
-
 import hashlib
 import re
 import uuid

@@ -5,8 +5,6 @@ Exchange and Co-Simulation, version 2.0.5, sections 2.2 (definitions, model stru
 (co-simulation); Functional Mock-up Interface Specification, version 3.0.2, sections 2.4 and 4.3.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 

@@ -3,8 +3,6 @@
 Source: FMI-LS-BUS 1.0.0, sections 2 (manifest), 5.3 (variables) and 5.4 (terminals).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -3,8 +3,6 @@
 Source: Functional Mock-up Interface Specification, version 3.0.2, section 2.4.9; FMI 2.0 allows the same folder.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from importlib import resources
 from xml.etree.ElementTree import Element, SubElement, indent, tostring

@@ -1,7 +1,5 @@
 """Documentation page of an estimator FMU: what the map computes, where it holds, and how to cite it."""
 
-from __future__ import annotations
-
 from html import escape
 from math import atan2, degrees
 

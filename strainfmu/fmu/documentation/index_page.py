@@ -3,8 +3,6 @@
 Source of the folder and file names: FMI 2.0.5, section 2.3; FMI 3.0.2, section 2.5.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from html import escape
 from importlib import resources

@@ -1,7 +1,5 @@
 """Documentation page of a plant FMU: its flight model and trajectory."""
 
-from __future__ import annotations
-
 from html import escape
 
 from strainfmu.cosim.models.flight_model import FlightModel

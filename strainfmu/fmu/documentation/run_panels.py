@@ -1,7 +1,5 @@
 """Panels of the reference run for the pages of FMUs: estimates with bands, signals in units that people read."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape

@@ -5,8 +5,6 @@ needs the extra ``native``: zig's C compiler, which carries headers and librarie
 FMI headers. The same sources and the same version of zig give the same bytes, on any machine and in any folder.
 """
 
-from __future__ import annotations
-
 import importlib.util
 import struct
 import subprocess

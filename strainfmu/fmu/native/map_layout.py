@@ -4,8 +4,6 @@ A part is read into one structure or several. The header has each group of array
 members of a structure and the rows of the table by which ``map_read`` reads, checks and refuses them.
 """
 
-from __future__ import annotations
-
 import re
 import sys
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ No compiler is needed: the libraries lie in ``fmus/native/binaries``, one folder
 the functions of FMI 2.0 and FMI 3.0. The export renames it to the model identifier.
 """
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Mapping, Sequence
 from importlib import resources

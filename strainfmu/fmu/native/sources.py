@@ -4,8 +4,6 @@ Every FMU brings the sources of its model and of its FMI version, and two ways t
 and ``buildDescription.xml`` for importers that compile by themselves.
 """
 
-from __future__ import annotations
-
 import posixpath
 import re
 from collections.abc import Iterator, Mapping, Sequence

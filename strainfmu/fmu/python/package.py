@@ -5,8 +5,6 @@ code that was loaded first. Hence the slave's file and the copied package carry 
 content in their names.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import re

@@ -1,7 +1,5 @@
 """The stop time of an experiment, as ``fmus/native/core/instance.c`` has it."""
 
-from __future__ import annotations
-
 _ROUNDING = 1e-2
 """Largest error of the end of the last step, as a fraction of its size."""
 

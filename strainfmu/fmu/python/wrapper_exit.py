@@ -7,8 +7,6 @@ library now and then finds its heap damaged and aborts, after the last result; i
 none.
 """
 
-from __future__ import annotations
-
 import atexit
 import ctypes
 import os

@@ -1,7 +1,5 @@
 """Flight condition of the reference run: a shallow dive and climb within the ranges of a map, and its air data."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -4,8 +4,6 @@ The native ones are C; what they are held against are the flight model, noise, l
 :mod:`strainfmu.cosim`, which have no code in common with it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import floor, log10

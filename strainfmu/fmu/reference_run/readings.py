@@ -1,7 +1,5 @@
 """Readings of the reference run: a flight that the map covers, errors as large as the map states, one fault."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

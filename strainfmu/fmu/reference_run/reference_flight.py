@@ -3,8 +3,6 @@
 A linear map flies states within what its snapshots cover, a map with tables flies directions of the flow.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any

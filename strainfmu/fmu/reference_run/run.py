@@ -4,8 +4,6 @@ An importer of co-simulation holds inputs over a step, so what it records at the
 inputs at its start. The expected output is that: row 0 of the first input, row k of the input of row k - 1.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any

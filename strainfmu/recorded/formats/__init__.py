@@ -1,7 +1,5 @@
 """Files of every recorder as tables: each format is one function of one file, and one line of :data:`FORMATS`."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path

@@ -4,8 +4,6 @@ HDF5 reads some damaged heaps for ever, and crashes on others. So everything but
 child process.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import replace

@@ -3,8 +3,6 @@
 Source: National Instruments, Specification for the LabVIEW Measurement File (.lvm), versions 1 and 2.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Sequence
 from contextlib import ExitStack

@@ -1,7 +1,5 @@
 """MAT files: version 7.3 through h5py, older ones through scipy."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
 from pathlib import Path

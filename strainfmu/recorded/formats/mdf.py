@@ -1,7 +1,5 @@
 """MDF files read with asammdf: a frame for each channel group; a damaged file is one line and no more."""
 
-from __future__ import annotations
-
 import gc
 import logging
 import sys

@@ -1,7 +1,5 @@
 """Parquet files through pyarrow: units by metadata, or in brackets behind the names."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from pathlib import Path

@@ -1,7 +1,5 @@
 """TDMS files read with npTDMS, in pieces; a damaged one is one line and no more."""
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Hashable
 from contextlib import ExitStack

@@ -4,8 +4,6 @@ The module csv parses the lines, pyarrow whole pieces of plain numbers. Librarie
 separator alone: no header block, no row of units, no decimal comma.
 """
 
-from __future__ import annotations
-
 import csv
 import io
 import re

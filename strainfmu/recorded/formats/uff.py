@@ -4,8 +4,6 @@ Source: Structural Dynamics Research Laboratory, University of Cincinnati, Unive
 Analysis Testing, data set 58, function at nodal degree of freedom.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path

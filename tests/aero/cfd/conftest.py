@@ -1,7 +1,5 @@
 """One real snapshot of the shipped vehicle, and what other meshes of it make of it."""
 
-from __future__ import annotations
-
 from math import radians
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The conditions of the imported snapshots, and the comparison of loads on different meshes."""
 
-from __future__ import annotations
-
 from math import radians
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Many small files on one mesh: one process reads them all, and the geometry is found once."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What can be wrong with imported results: one line each, nothing on standard error, no half-read data."""
 
-from __future__ import annotations
-
 import base64
 import re
 import struct

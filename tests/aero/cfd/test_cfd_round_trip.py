@@ -4,8 +4,6 @@ Truth: the snapshot's own coefficients on its own mesh. Measured on the 97 x 60 
 0.09 % from values in cells; moments within 0.04 % of the scale.
 """
 
-from __future__ import annotations
-
 import json
 from math import degrees
 from pathlib import Path

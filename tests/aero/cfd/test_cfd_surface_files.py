@@ -1,7 +1,5 @@
 """Surfaces and fields between programs: against meshio as another writer and reader, and closed forms."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

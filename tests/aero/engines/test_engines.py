@@ -1,7 +1,5 @@
 """Engines of a vehicle, and the messages where one cannot be made."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, get_args

@@ -1,7 +1,5 @@
 """Pressure by local inclination against published tables and limits."""
 
-from __future__ import annotations
-
 from math import pi, radians, sqrt
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The Newtonian engine against closed forms of Newtonian flow; C_p,max is k throughout."""
 
-from __future__ import annotations
-
 import pickle
 from math import cos, pi, radians, sin
 

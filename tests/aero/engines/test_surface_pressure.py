@@ -1,7 +1,5 @@
 """From wall pressure to the surface nodes: rotation, mirror symmetry, signs of the conventions."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from math import pi, radians
 

@@ -6,8 +6,6 @@ it is a circular cone at the incidence e (Stone, J. Math. Phys. 27, 1948), with 
 wall where it changes has no thickness.
 """
 
-from __future__ import annotations
-
 from math import cos, sin, tan
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The solver where no machine code can be kept on disk."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

@@ -1,7 +1,5 @@
 """Cones: the exact conical flows that a space-marching solver must reproduce."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from math import cos, pi, radians, sin, tan
 

@@ -1,7 +1,5 @@
 """The fan of a corner: its flow, the grids it is carried through, and what they conserve."""
 
-from __future__ import annotations
-
 from math import asin, radians, tan
 
 import numpy as np

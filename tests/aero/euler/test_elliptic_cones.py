@@ -1,7 +1,5 @@
 """Surface pressure of elliptic cones by the march all round, against linearised conical flow."""
 
-from __future__ import annotations
-
 from math import radians, tan
 
 import numpy as np

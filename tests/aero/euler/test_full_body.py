@@ -1,7 +1,5 @@
 """The march all round a body: against the half-body march, mirror images, and shapes without an axis."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import acos, atan2, cos, pi, radians, sin

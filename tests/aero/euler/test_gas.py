@@ -1,7 +1,5 @@
 """Gas relations against closed forms and integrals found by other means."""
 
-from __future__ import annotations
-
 from math import asin, atan, cos, degrees, pi, radians, sin, sqrt, tan
 
 import numpy as np

@@ -1,7 +1,5 @@
 """How the flow converges with the grid: observed order and remaining error of C_N and C_A by grid level."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import cache
 from itertools import pairwise, product

@@ -1,7 +1,5 @@
 """The march: balances, corners, shocks, and where it must give up."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

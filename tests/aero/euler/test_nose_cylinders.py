@@ -5,8 +5,6 @@ slopes at zero incidence from data over -2 to +4 deg, per radian on the base are
 from the vertex, without the moment of the axial pressure component. Tolerance: the report's own largest error.
 """
 
-from __future__ import annotations
-
 from functools import cache
 from math import atan, pi, radians
 

@@ -1,7 +1,5 @@
 """The marching solver against another program: OpenFOAM's rhoCentralFoam on cones at incidence."""
 
-from __future__ import annotations
-
 from math import radians
 from pathlib import Path
 from time import process_time

@@ -1,7 +1,5 @@
 """Spherical tips: the sphere's flow itself, and the march that begins in it."""
 
-from __future__ import annotations
-
 from functools import cache
 from math import pi, radians
 

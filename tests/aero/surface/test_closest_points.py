@@ -1,7 +1,5 @@
 """The closest fitting point of a triangulated surface, against closed forms and brute force."""
 
-from __future__ import annotations
-
 from math import radians
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Surfaces made fit: closed, outward, doubled at edges."""
 
-from __future__ import annotations
-
 from math import pi, radians
 
 import numpy as np

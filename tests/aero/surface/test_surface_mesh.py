@@ -1,7 +1,5 @@
 """Triangulated surfaces: areas, normals, loads, against closed forms and the spectral load operator."""
 
-from __future__ import annotations
-
 from math import pi
 
 import numpy as np

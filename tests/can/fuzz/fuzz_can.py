@@ -11,8 +11,6 @@ One target of ``frames``, ``database`` (DBC file and mapping) and ``authenticati
 New inputs go into the first folder: give an empty one ahead of the corpus to keep that small.
 """
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import tempfile

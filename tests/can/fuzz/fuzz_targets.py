@@ -3,8 +3,6 @@
 All must end in results or in InputError, whatever the bytes; the sum rule of frames must hold.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import lru_cache
 from math import isnan

@@ -1,7 +1,5 @@
 """What the fuzzers start from and once found: all of it ends in results or in one line."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """The FMU as the bridge's step: the same numbers as the estimator, and what each FMI status leads to."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The step of a bridge by map and by FMU: every input with gaps, zeros that change meanwhile, the same results."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """zeros.toml: what is written is read, and what is wrong is named in one line."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

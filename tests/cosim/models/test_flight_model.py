@@ -1,7 +1,5 @@
 """The plant's physics against the formulas written out one by one."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import atan2, cos, pi, radians, sin
 from pathlib import Path

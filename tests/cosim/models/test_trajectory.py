@@ -1,7 +1,5 @@
 """The trajectory's interpolation against SciPy, and every wrong row."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Fly an SSP package in another engine: ``python ssp_engines.py TASK``, a JSON object; signals go to .npy."""
 
-from __future__ import annotations
-
 import ctypes
 import json
 import sys

@@ -1,7 +1,5 @@
 """The co-simulation master against results computed by hand, and every line of refusal."""
 
-from __future__ import annotations
-
 import re
 import sys
 import tempfile

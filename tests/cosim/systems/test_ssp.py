@@ -1,7 +1,5 @@
 """SSP packages of a closed loop: valid, and flown by FMPy and other engines."""
 
-from __future__ import annotations
-
 import ctypes.util
 import importlib.util
 import json

@@ -1,7 +1,5 @@
 """SSP packages in OMSimulator; what it needs is checked without it too: names, causalities, no loop at start."""
 
-from __future__ import annotations
-
 import csv
 import os
 import re

@@ -1,7 +1,5 @@
 """Wind and stability axes against rotations written out, and deviations against draws."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scaled_maps import NOMINAL, whole_scaled_map

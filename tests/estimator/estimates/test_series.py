@@ -1,7 +1,5 @@
 """Series of samples: equal to the samples one by one, in every state of health."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from random_map import N_GAUGES, map_of, random_map, random_model

@@ -1,7 +1,5 @@
 """Flow parameters: out of range they tell that the map does not hold, by name, and nothing else."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The artefact: what goes in comes out, and nothing damaged does."""
 
-from __future__ import annotations
-
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Errors at the current strain: at levels of the dynamic pressure, between levels, and against drawn errors."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Temperature at run time: sensors and gauges together by the book, readings brought back to the reference."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

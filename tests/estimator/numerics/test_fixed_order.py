@@ -1,7 +1,5 @@
 """Sums in the order of their index: equal to numpy's to round-off."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Kinds of nonlinear maps, random samples of each, and what core and reference make of them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any

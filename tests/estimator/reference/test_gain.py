@@ -1,7 +1,5 @@
 """Gain and precision against the formulas by the book, and where the book loses its digits."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The compiled core agrees with the reference on random samples of every kind of linear map."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from linear_kinds import KINDS, by_core, by_reference, drawn

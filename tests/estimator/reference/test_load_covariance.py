@@ -1,7 +1,5 @@
 """The covariance of loads in sums of positive terms against the difference it stands for, and against draws."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

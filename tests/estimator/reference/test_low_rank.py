@@ -1,7 +1,5 @@
 """Maps of many gauges: columns of errors give what full matrices of the same gauges give."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The compiled core agrees with the reference on random samples of every kind of nonlinear map, at convergence."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The update agrees with conditioning of the joint Gaussian of rows and outputs, written out in full."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The filter: closed forms of the reference's windows, and the compiled core against them."""
 
-from __future__ import annotations
-
 import nonlinear_kinds
 import numpy as np
 import pytest

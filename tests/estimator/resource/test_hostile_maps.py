@@ -1,7 +1,5 @@
 """Maps that were damaged or written by others: the compiled estimator refuses each in one line."""
 
-from __future__ import annotations
-
 import ctypes
 from collections.abc import Mapping
 from typing import Any

@@ -1,7 +1,5 @@
 """Random windows of readings for tares: zeros with what speaks against them, drawn with fixed seeds."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Tares of random windows are those that numpy computed of them once, to the last digits; so is what is said."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

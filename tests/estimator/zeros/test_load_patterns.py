@@ -1,7 +1,5 @@
 """Readings that hold the strain of a flight are no zeros; random zeros of any size are."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from inertia_maps import with_masses

@@ -1,7 +1,5 @@
 """Tare: zeros removed to their stated deviation, and refused where loads are not known."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

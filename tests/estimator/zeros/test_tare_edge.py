@@ -1,7 +1,5 @@
 """A tare by the edges of a flag: the zeros of the whole window, and when there are none."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from random_map import map_of, random_model

@@ -1,7 +1,5 @@
 """Zeros of the gauges: taken off the readings, their errors in the covariance, in both kinds of estimator."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

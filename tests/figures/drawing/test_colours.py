@@ -1,7 +1,5 @@
 """Ends of a colour scale: peaks on a small area do not take it from the rest. Every part has its own colour."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Gauges in figures: each is of one kind by its direction, drawn along it, and counted once."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any
 

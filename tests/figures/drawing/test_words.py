@@ -1,7 +1,5 @@
 """Words and signs that all figures share."""
 
-from __future__ import annotations
-
 import pytest
 
 from builder.figures.drawing import estimator_in_words, with_signs

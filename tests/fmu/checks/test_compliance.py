@@ -1,7 +1,5 @@
 """FMUs of every kind against the checkers and schemas that can be had."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import zipfile

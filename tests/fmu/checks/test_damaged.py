@@ -1,7 +1,5 @@
 """FMUs that were damaged or altered, or lie in odd folders: one clear message of the FMU, never a crash."""
 
-from __future__ import annotations
-
 import zipfile
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """``strainfmu bench`` steps FMUs of the nonlinear estimator with their filter, too."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """``strainfmu inspect`` and ``strainfmu crosscheck`` of FMUs."""
 
-from __future__ import annotations
-
 import zipfile
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """``strainfmu bench`` steps every kind of FMU in every way it names."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

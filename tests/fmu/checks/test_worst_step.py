@@ -1,7 +1,5 @@
 """``strainfmu bench --worst`` steps both estimators, with and without the filter, through every event."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What an FMU states beside its model description: read as it was written, nothing of what has another form."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from zipfile import ZIP_DEFLATED, ZipFile

@@ -1,7 +1,5 @@
 """The inputs of an FMU as it is exported without options: those that a host connects, and no others."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import fmpy

@@ -1,7 +1,5 @@
 """Model descriptions of the FMUs."""
 
-from __future__ import annotations
-
 import zipfile
 from dataclasses import replace
 from pathlib import Path

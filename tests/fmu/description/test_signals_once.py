@@ -1,7 +1,5 @@
 """The names of an FMU's signals stand in few product files: what carries them iterates over tables."""
 
-from __future__ import annotations
-
 import ast
 import re
 from collections import Counter

@@ -4,8 +4,6 @@ Sources: FMI 2.0.5, the documentation inside its schemas (fmi2Unit, fmi2Type, fm
 fmi2ModelDescription); FMI 3.0.2, sections 2.4.2 to 2.4.9 and 2.6. Schemas do not check them.
 """
 
-from __future__ import annotations
-
 import zipfile
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence

@@ -1,7 +1,5 @@
 """Figures of the FMUs' pages: ticks, steps, and what is not finite; pages whose long tables fold."""
 
-from __future__ import annotations
-
 import re
 import zipfile
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Zero offsets of a calibrated map: every carrier starts from them, and other ones replace them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

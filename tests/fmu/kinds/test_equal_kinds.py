@@ -1,7 +1,5 @@
 """The same numbers from every kind: the estimator in Python, native FMU of FMI 2.0 and 3.0, Python FMU."""
 
-from __future__ import annotations
-
 import csv
 import zipfile
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Navigation of the nonlinear estimator: what is not given, what cannot be, and deviations that are none."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import suppress
 

@@ -1,7 +1,5 @@
 """FMUs of both FMI versions in FMPy 0.3.20, which other programs pin, and in the newest: equal results."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

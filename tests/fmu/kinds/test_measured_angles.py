@@ -1,7 +1,5 @@
 """Measured angles in FMUs, whose hosts fill in 0 for inputs that nothing is connected to."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The run that every kind of estimator FMU publishes: what it shows, and that the FMU gives it."""
 
-from __future__ import annotations
-
 import csv
 import subprocess
 import sys

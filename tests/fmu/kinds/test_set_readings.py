@@ -1,7 +1,5 @@
 """Start values of strains are no readings: FMUs whose inputs a host has not set, or has set to exactly zero."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Steps past the stop time of an experiment: FMI 2.0.4, section 2.1.6, and FMI 3.0 ask for an error."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

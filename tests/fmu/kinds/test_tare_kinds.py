@@ -1,7 +1,5 @@
 """A tare by the input of the FMU: every kind takes the same zeros, and tells what became of it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """FMUs of every kind whose maps have all that a map can have: valid, and what they state of their variables."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import cache

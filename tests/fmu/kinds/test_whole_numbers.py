@@ -1,7 +1,5 @@
 """FMUs of every kind whose maps have all that a map can have: in an importer they give the numbers of Python."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path

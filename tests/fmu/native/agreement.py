@@ -1,7 +1,5 @@
 """Inputs of FMUs of linear maps, and the numbers of the estimator in Python, which runs the same core."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any

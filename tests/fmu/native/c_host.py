@@ -1,7 +1,5 @@
 """The C host ``host.c``, built for a platform or under a sanitizer, and what it takes to run it."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 from pathlib import Path

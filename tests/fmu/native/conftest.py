@@ -1,7 +1,5 @@
 """Maps for the native run-time: both cases, few and many gauges."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Libraries built from ``sources/`` of an FMU: by its CMakeLists.txt and by an importer, with equal outputs."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 import sys

@@ -5,8 +5,6 @@ module with one interface. A header declares what the files of its module define
 one way to another module's functions, and arrows between modules are those lines.
 """
 
-from __future__ import annotations
-
 import re
 from collections import defaultdict
 from collections.abc import Iterator, Mapping

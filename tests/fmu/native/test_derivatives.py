@@ -1,7 +1,5 @@
 """Directional and adjoint derivatives against differences of the outputs."""
 
-from __future__ import annotations
-
 import ctypes
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Elementary functions of the core against numpy: every quarter of the circle, and what is out of range."""
 
-from __future__ import annotations
-
 import ctypes
 import subprocess
 import sys

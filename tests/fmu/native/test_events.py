@@ -1,7 +1,5 @@
 """Events: model exchange asks for one when health changes, and holds it until then; FMI 3.0 logs and refuses."""
 
-from __future__ import annotations
-
 import ctypes
 from collections.abc import Callable
 from ctypes import byref, c_bool, c_double, c_int, c_size_t, c_void_p

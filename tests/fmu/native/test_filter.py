@@ -1,7 +1,5 @@
 """The filter over time of the native library: its state, what turns it off; its numbers: tests/golden."""
 
-from __future__ import annotations
-
 import zlib
 from collections.abc import Iterator
 from ctypes import c_double

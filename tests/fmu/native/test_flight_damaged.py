@@ -1,7 +1,5 @@
 """Maps of the nonlinear estimator with sizes and values that cannot be, under sanitizers: refused, or harmless."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Derivatives of the nonlinear estimator's values: against differences of its own outputs, of another step."""
 
-from __future__ import annotations
-
 import ctypes
 from collections.abc import Callable, Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Section loads of the native library by the nonlinear estimator: those of Python, whatever else changes."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

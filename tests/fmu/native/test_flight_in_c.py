@@ -1,7 +1,5 @@
 """The nonlinear estimator of the native library: its inputs and settings, its state, what it refuses."""
 
-from __future__ import annotations
-
 import zlib
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The nonlinear estimator gives the same bits on every processor that can be tried here, and keeps its memory."""
 
-from __future__ import annotations
-
 import platform
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Many instances in one process, and several threads: nothing is shared."""
 
-from __future__ import annotations
-
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Flow parameters that are known with a deviation, in the native library: the numbers of Python."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The built libraries: what they export and need, and that they are those of the sources."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import struct

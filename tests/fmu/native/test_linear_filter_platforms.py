@@ -1,7 +1,5 @@
 """The filter of linear maps gives the same bits on other processors, and keeps its memory."""
 
-from __future__ import annotations
-
 import platform
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The layout of ``map.bin``: the header for C is of the schema, and a value has one place."""
 
-from __future__ import annotations
-
 import pytest
 
 from strainfmu.estimator.resource.map_file import LAYOUT

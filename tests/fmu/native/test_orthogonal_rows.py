@@ -1,7 +1,5 @@
 """Rows turned until they are orthogonal: singular values to full accuracy, of any rank, in any order of size."""
 
-from __future__ import annotations
-
 import ctypes
 from importlib.util import find_spec
 from pathlib import Path

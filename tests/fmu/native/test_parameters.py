@@ -1,7 +1,5 @@
 """Flow parameters in the native library: inputs, health, scores, the cause in the log."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The shipped libraries give the same bits on every processor and system that can be tried on this machine."""
 
-from __future__ import annotations
-
 import platform
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Maps whose arrays cannot be: one line that names the array, what is expected there, and what was found."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Damaged, missing and foreign maps, and the paths they lie in: one message of what is wrong, no crash."""
 
-from __future__ import annotations
-
 import ctypes
 import struct
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The resource of the native FMU: rolling moment and section loads are a part of its own."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from other_load_maps import with_further

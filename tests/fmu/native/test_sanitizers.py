@@ -1,7 +1,5 @@
 """The compiled estimator and bridge under sanitizers and valgrind, and what a fuzzer found."""
 
-from __future__ import annotations
-
 import os
 import random
 import subprocess

@@ -1,7 +1,5 @@
 """The scalars of the FMI 3.0 front: the variables of FMI 2.0 one by one, of the same model as the arrays."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from ctypes import c_bool, c_double, c_int32, c_int64
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Maps in form "dynamic_pressure": no history, the screen of z, q_inf that is missing, the envelope."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Suspects found with the screen in float are those of the product in double, on both sides of the threshold."""
 
-from __future__ import annotations
-
 import subprocess
 from importlib.util import find_spec
 from pathlib import Path

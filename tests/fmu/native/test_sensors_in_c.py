@@ -1,7 +1,5 @@
 """Auxiliary sensors of the native library: lost sensors, thrust, zeros, tare; what is refused."""
 
-from __future__ import annotations
-
 from ctypes import c_int, c_size_t
 
 import numpy as np

@@ -1,7 +1,5 @@
 """FMU states: get, set, serialise and de-serialise in the middle of a run, and bytes that are no state."""
 
-from __future__ import annotations
-
 import ctypes
 from ctypes import byref, c_size_t, c_void_p
 

@@ -1,7 +1,5 @@
 """A tare by its input in the native library: the zeros of a window at once, what is refused, and its state."""
 
-from __future__ import annotations
-
 import zlib
 from collections.abc import Sequence
 from ctypes import byref, c_bool, c_double, c_int, c_int64, c_size_t

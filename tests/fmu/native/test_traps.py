@@ -1,7 +1,5 @@
 """Hosts with a floating-point environment of their own: no exception reaches them, no bit follows them."""
 
-from __future__ import annotations
-
 import platform
 import subprocess
 from collections.abc import Callable

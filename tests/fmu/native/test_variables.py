@@ -1,7 +1,5 @@
 """Outputs that are right at any moment, settings, and arguments that cannot be."""
 
-from __future__ import annotations
-
 import ctypes
 from ctypes import byref, c_double, c_int, c_size_t
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Zeros of the gauges in the native library: the numbers of Python while they change, and what is refused."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from agreement import assert_same, estimated, random_samples

@@ -1,7 +1,5 @@
 """The FMI 3.0 front over the plant, which is not its first model: the outputs are those of FMI 2.0."""
 
-from __future__ import annotations
-
 import ctypes
 from collections.abc import Iterator
 from ctypes import byref, c_bool, c_double, c_int32, c_size_t, c_void_p

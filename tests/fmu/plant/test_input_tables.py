@@ -1,7 +1,5 @@
 """Tables that checkers read: the inputs of every reference run, without inputs too; FMU Compliance Checker."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

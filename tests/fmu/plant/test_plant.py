@@ -1,7 +1,5 @@
 """The native plant against the numpy flight model, and its noise, faults, motion and states."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from ctypes import byref, c_size_t, create_string_buffer
 from dataclasses import replace

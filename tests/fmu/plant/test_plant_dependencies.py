@@ -1,7 +1,5 @@
 """What the plant's first outputs depend on, as its InitialUnknowns state it: all of that, and nothing else."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -4,8 +4,6 @@ FMI 2.0.5, 4.2.2: after fmi2Discard, fmi2GetBooleanStatus reports by fmi2Termina
 and fmi2GetRealStatus by fmi2LastSuccessfulTime until when it came.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import fmpy

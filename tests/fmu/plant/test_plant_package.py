@@ -1,7 +1,5 @@
 """Plant, autopilot and schedule as packages: compliant, reproducible, and safe when damaged."""
 
-from __future__ import annotations
-
 import shutil
 import zipfile
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Plant, autopilot and schedule in C: the same bits on every platform, and clean under sanitizers."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Reference runs of plant, autopilot and schedule: what importers must repeat, and the folders that hold it."""
 
-from __future__ import annotations
-
 import json
 import zipfile
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The PythonFMU kind where folders have names beyond ASCII: programs here avoid them, the export says so."""
 
-from __future__ import annotations
-
 import tempfile
 import zipfile
 from collections.abc import Callable

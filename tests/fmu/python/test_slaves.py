@@ -1,7 +1,5 @@
 """Estimators of both kinds and the plant inside their FMUs, driven by fmpy as any host does."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace

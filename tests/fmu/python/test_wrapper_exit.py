@@ -1,7 +1,5 @@
 """Hosts of Python FMUs end without a damaged heap, whatever language they are written in."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import site

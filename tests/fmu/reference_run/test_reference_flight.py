@@ -1,7 +1,5 @@
 """The run inside an estimator FMU: within the map's validity, errors as large as stated, a fault that is found."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The least-squares map: exact where it can be, unbiased, and independent of the unit of strain."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

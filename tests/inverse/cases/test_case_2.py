@@ -1,7 +1,5 @@
 """The Gaussian map: against the formulas by the book, in its limits, and as the minimum of what it minimises."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from inverse_case import Case, estimated_field, gaussian

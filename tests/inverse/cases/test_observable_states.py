@@ -1,7 +1,5 @@
 """Maps on the states that their gauges see, against the maps on all states."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The rules for gamma, on problems whose right answer is known."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The envelope of a map: every flow it is built on inside, flows beyond outside at any roll angle."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

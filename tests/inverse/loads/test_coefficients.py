@@ -3,8 +3,6 @@
 Data and map share one discretisation here: these are tests of the statistics, not of the model's accuracy.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from inverse_case import Case, cross_covariance, gaussian, least_squares, noise_model

@@ -1,7 +1,5 @@
 """Hinge moments of an elliptic cone's flaps: flights between the snapshots, and the same numbers by every way."""
 
-from __future__ import annotations
-
 from ctypes import c_double
 from functools import cache
 from pathlib import Path

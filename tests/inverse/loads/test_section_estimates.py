@@ -1,7 +1,5 @@
 """Section loads of the shipped vehicle, estimated from strain at flights between the snapshots."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

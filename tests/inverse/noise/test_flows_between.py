@@ -1,7 +1,5 @@
 """Flows between the listed conditions: what they show of an axis with three values, in both estimators."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

@@ -1,7 +1,5 @@
 """Errors of the hardware as terms of the weights and as functions of the coefficients, by the book."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from ensembles import listed_ensemble

@@ -1,7 +1,5 @@
 """Inertia of a vehicle file: its modes, errors of masses, and their place in the noise."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Error of strain by the mesh: measured in sigma, held by the noise, said where it is too large."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

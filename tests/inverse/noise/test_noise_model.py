@@ -1,7 +1,5 @@
 """The terms of the noise covariance: each by the book, together, and in what they do to an estimate."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from pathlib import Path

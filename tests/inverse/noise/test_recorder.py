@@ -1,7 +1,5 @@
 """Errors of readings that the section [recorder] states, as noise and columns of a map."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Position and orientation errors of gauges on the three-dimensional model, against the Fourier model's."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

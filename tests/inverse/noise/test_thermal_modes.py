@@ -1,7 +1,5 @@
 """Temperature modes of a vehicle file: what they strain, what sensors see, and their place in the noise."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """CSV by pyarrow: numbers, lines and refusals of the module csv, in bounded memory; and the texts it writes."""
 
-from __future__ import annotations
-
 import csv
 import tracemalloc
 from io import StringIO

@@ -1,7 +1,5 @@
 """CSV files as recorders and spreadsheets write them, and the dynamic pressure that they do not hold."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Texts as recorders and their owners write them: names and units of time, headings, ends of files, cells."""
 
-from __future__ import annotations
-
 from datetime import datetime, timedelta
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Files of every format with bytes changed, cut or doubled: read, or refused in one line, and never a hang."""
 
-from __future__ import annotations
-
 from collections import Counter
 from pathlib import Path
 

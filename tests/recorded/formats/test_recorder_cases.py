@@ -3,8 +3,6 @@
 Layouts follow public reports of faults of readers, and files of recorders; the values are the same in all.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Binary files of recorders, written from the description of their formats: several rates, wrong and cut files."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Text files as exporters of recorders write them, made line by line from what their documentation says."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

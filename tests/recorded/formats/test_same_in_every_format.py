@@ -1,7 +1,5 @@
 """One recording with navigation, in every file format: the nonlinear estimator finds the same in each."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from collections.abc import Callable

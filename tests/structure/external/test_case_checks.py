@@ -1,7 +1,5 @@
 """Strains of load cases that contradict each other: which faults of one case are refused, on which conditions."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

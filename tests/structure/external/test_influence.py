@@ -1,7 +1,5 @@
 """Influence matrices: the strain of gauges per force at the nodes of a surface, in place of a mesh of ours."""
 
-from __future__ import annotations
-
 import csv
 import shutil
 from collections.abc import Callable

@@ -4,8 +4,6 @@
 Component k of element e in subcase s is 1e-6 (100 e + 10 k + s), plus 1e-7 for each in the number of node or ply.
 """
 
-from __future__ import annotations
-
 import contextlib
 import csv
 from math import pi

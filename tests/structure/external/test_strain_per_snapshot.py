@@ -1,7 +1,5 @@
 """Strains of another structural code under our pressures, in place of any model of ours."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import h5py

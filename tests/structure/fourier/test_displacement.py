@@ -1,7 +1,5 @@
 """Displacement per surface pressure: closed forms of a tube clamped at its aft end."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

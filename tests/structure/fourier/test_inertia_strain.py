@@ -1,7 +1,5 @@
 """Strain by inertia against closed forms of tubes, and against known loads of the same structure."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

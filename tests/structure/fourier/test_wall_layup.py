@@ -1,7 +1,5 @@
 """Walls of several thicknesses and materials, ring frames, masses in free flight: against closed forms."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

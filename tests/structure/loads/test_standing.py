@@ -1,7 +1,5 @@
 """A vehicle that stands on the ground: own weight and ambient pressure as the gauges read them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -3,8 +3,6 @@
 The formulas are those of the tests of the Fourier model; meshes and gauges are three-dimensional.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from solid_bodies import METAL, cube, harmonic_field, tube

@@ -1,7 +1,5 @@
 """Orders of convergence on a manufactured solution (Oberkampf and Roy, Verification and Validation, ch. 6)."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.sparse import csc_array

@@ -1,7 +1,5 @@
 """An imported mesh of two materials that carries point masses, in free flight, against CalculiX."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The strain operator: adjoint against forward solutions, dot products, free flight, progress."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A body without a cavity, such as a wing: solved on its own mesh, or refused in a line that says why."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

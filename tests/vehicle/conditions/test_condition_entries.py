@@ -1,7 +1,5 @@
 """Flow parameters in the section [conditions], and in the manoeuvre."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Sets of flight conditions: the published ones, and CSV files."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from math import radians
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Gauge layouts: rows laid on the inner surface, and tables of positions."""
 
-from __future__ import annotations
-
 from math import cos, radians, sin, tan
 from pathlib import Path
 

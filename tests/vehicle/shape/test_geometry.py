@@ -1,7 +1,5 @@
 """Cones and arcs against closed forms, and where the pressure nodes lie."""
 
-from __future__ import annotations
-
 from math import cos, pi, radians, sin, sqrt, tan
 
 import numpy as np

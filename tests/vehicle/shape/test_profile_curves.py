@@ -1,7 +1,5 @@
 """New pieces of the profile against closed forms: radii, slopes, volumes; what is refused."""
 
-from __future__ import annotations
-
 from functools import partial
 from math import cos, pi, radians, sin, sqrt
 from pathlib import Path

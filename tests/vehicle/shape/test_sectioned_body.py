@@ -1,7 +1,5 @@
 """Bodies given by sections: closed forms of ellipses, and what a file of sections may not hold."""
 
-from __future__ import annotations
-
 from math import pi
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Section [shape] of the vehicle file, and the entries that go with each kind of shape."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """What the vehicle file says of the solid model: supports, and gauges outside and of a length."""
 
-from __future__ import annotations
-
 from math import cos, radians, sin, tan
 from pathlib import Path
 

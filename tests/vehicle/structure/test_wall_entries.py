@@ -1,7 +1,5 @@
 """Entries of [structure] beyond one wall of one material: read into the wall, refused in one line each."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

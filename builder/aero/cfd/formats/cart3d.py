@@ -7,8 +7,6 @@ scalar is Cp. flowCart writes six: Cp, rho, u, v, w, p, made dimensionless with 
 p_inf is 1/gamma.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

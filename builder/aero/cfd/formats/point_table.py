@@ -1,7 +1,5 @@
 """Points with values from a CSV table: one line of column names, one line per point."""
 
-from __future__ import annotations
-
 import csv
 import re
 from collections.abc import Callable

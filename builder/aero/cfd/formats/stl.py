@@ -1,7 +1,5 @@
 """STL surfaces, ASCII and binary: separate triangles, whose equal corners become one node when read."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -3,8 +3,6 @@
 Coincident nodes are merged. A surface is closed where a mesher needs it.
 """
 
-from __future__ import annotations
-
 from itertools import pairwise
 from pathlib import Path
 

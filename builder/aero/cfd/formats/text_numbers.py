@@ -1,7 +1,5 @@
 """Numbers from text files: fast where all is well, line by line where a wrong word has to be named."""
 
-from __future__ import annotations
-
 import warnings
 from pathlib import Path
 

@@ -8,8 +8,6 @@ the process. Here none of that reaches the caller: what VTK reports as an error 
 end of the answers. Only VTK's input modules are loaded, which need no display.
 """
 
-from __future__ import annotations
-
 import io
 import json
 import os

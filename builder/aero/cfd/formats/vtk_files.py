@@ -7,8 +7,6 @@ short, so only its size is compared with what its heading declares.
 The process that reads VTK files, one after another: starting it takes longer than reading a small file.
 """
 
-from __future__ import annotations
-
 import atexit
 import importlib.util
 import io

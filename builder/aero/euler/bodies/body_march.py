@@ -11,8 +11,6 @@ conical flow is out of reach is replaced by the smallest sphere, tangent to the 
 begin; the tip has the sphere's pressure at the same inclination.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import atan, log

@@ -13,8 +13,6 @@ plane: curvature changes it by the height of the fan over the radius, 0.1 % wher
 Bodies of revolution only: elsewhere the edge is not at right angles to the axis.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from math import ceil, expm1, log1p, log2
 

@@ -5,8 +5,6 @@ The flow over a body of any star-shaped section, at angle of attack and sideslip
 The tip is pointed, or on a body of revolution spherical.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import cos, degrees, pi, sin
 

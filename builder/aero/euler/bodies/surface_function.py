@@ -1,7 +1,5 @@
 """A body's surface as a function of station and roll angle, and the tables of it that the march follows."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """The outer boundary: the bow shock, fitted (compiled)."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

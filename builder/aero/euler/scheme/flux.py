@@ -7,8 +7,6 @@ F_n = (rho v_n, rho u v_n, rho v_n^2 + p, rho v_n v_t) and E = (rho u, rho u^2 +
 Second part: all of them in one step.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -3,8 +3,6 @@
 Sources: NACA Report 1135 (oblique shock, Prandtl-Meyer); Anderson, Modern Compressible Flow, ch. 4, 9.
 """
 
-from __future__ import annotations
-
 import math
 
 from builder.compiled import compiled, inlined

@@ -7,8 +7,6 @@ a step are the quadrilaterals between two planes, with their exact vector areas,
 uniform stream stays uniform to round-off.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

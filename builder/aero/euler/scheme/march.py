@@ -5,8 +5,6 @@ Arrays: conserved (4, n_phi, n_r) holds E per unit area; cell (5, n_phi, n_r) ho
 and the mean of both over the same faces.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from builder.aero.euler.scheme.bow_shock import outer_boundary_growth

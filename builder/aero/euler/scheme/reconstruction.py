@@ -4,8 +4,6 @@ Slopes are taken of p, rho and of the cross-flow velocity's cylindrical componen
 an axisymmetric flow stays axisymmetric and a uniform stream uniform. u follows from total enthalpy.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -9,8 +9,6 @@ Where vortices lift off the lee side, an extrapolation may increase the residual
 Arrays are as in :mod:`builder.aero.euler.scheme.march`; sweeps are compiled.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from builder.aero.euler.planes import MarchingGrid, Plane, change_between, cone_imbalance

@@ -13,8 +13,6 @@ Free-stream density and speed of sound are 1, as everywhere in :mod:`builder.aer
 F. S. Billig, J. Spacecraft 4, 822 (1967), for the shock, and modified Newtonian pressure on the wall.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any, NamedTuple

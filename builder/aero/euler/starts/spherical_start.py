@@ -6,8 +6,6 @@ far back that the flow through it is supersonic along the axis, also on the wind
 end of the cap above all, is felt there. Ahead of it the wall has the sphere's pressure.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from math import ceil, cos, degrees, hypot, radians, sin, sqrt

@@ -4,8 +4,6 @@ Words are numbered from 0, the element's number first, as OP2 and punch files bo
 Programmer's Guide", data block OES). Shear strain is the engineering one, gamma, everywhere.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -5,8 +5,6 @@ record has its length in bytes before and after it. Records of one word are keys
 words follow, a negative one ends a logical record, 0 a table; two 0 in a row end the file.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

@@ -4,8 +4,6 @@ A line has four fields of 18 columns and a line number in the last 8. Lines that
 an element's first line has its number in the first field, ``-CONT-`` continues it.
 """
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass, field
 from pathlib import Path

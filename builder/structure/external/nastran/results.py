@@ -5,8 +5,6 @@ Strains of gauges by subcase, for the tables of load cases and of unit forces.
 The table that says which element of the Nastran model each gauge is: its side, its angle.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import radians

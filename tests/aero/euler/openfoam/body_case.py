@@ -9,8 +9,6 @@ The flow is supersonic along the body, so nothing travels upstream: the body is 
 planes, each run to its steady state with local time steps, the last plane of one entering the next.
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property

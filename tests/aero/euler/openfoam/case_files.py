@@ -1,7 +1,5 @@
 """Files of rhoCentralFoam: mesh, fields and settings of a case, its run, the fields that come back."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

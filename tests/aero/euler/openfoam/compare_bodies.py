@@ -5,8 +5,6 @@ From the project's root:
 or ``cone_cylinder``, with a total incidence in degrees after it if it is not to be the usual one.
 """
 
-from __future__ import annotations
-
 import sys
 from dataclasses import dataclass
 from math import atan, degrees, pi, radians

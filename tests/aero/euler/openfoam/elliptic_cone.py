@@ -4,8 +4,6 @@ From the project's root: ``PYTHONPATH=tests/aero/euler .venv/bin/python -m openf
 prints what both say of the flows of :data:`FLOWS`. The directory must be empty.
 """
 
-from __future__ import annotations
-
 import sys
 from dataclasses import dataclass
 from math import degrees, pi, radians

@@ -5,8 +5,6 @@ the cone at a right angle, and end on a hyperboloid about the wind, a little lar
 command: ``sphere_cone DIRECTORY [PICTURE]``.
 """
 
-from __future__ import annotations
-
 import sys
 from dataclasses import dataclass, replace
 from functools import cached_property

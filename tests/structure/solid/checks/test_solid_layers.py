@@ -1,7 +1,5 @@
 """Elements through thick walls, and meshes that are not of the vehicle file's body."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Shape functions against VTK's, quadrature, and the stiffness of single elements and of small meshes."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Gauges on any surface, and the wall of a body of sections."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 from math import cos, radians, sin

@@ -1,7 +1,5 @@
 """Gauge rows: exact strains, recovery, gauge length, rosettes and what is refused."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

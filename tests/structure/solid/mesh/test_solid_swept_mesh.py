@@ -1,7 +1,5 @@
 """Swept meshes: geometry, surfaces, sectors, and the shipped vehicle against the Fourier model."""
 
-from __future__ import annotations
-
 from functools import cache, partial
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Nodal forces of a pressure: resultants, virtual work, sectors, and forces of another mesh."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from solid_bodies import ELEMENT_TYPES, cube, tube

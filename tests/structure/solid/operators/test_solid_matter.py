@@ -1,7 +1,5 @@
 """Regions of several materials and masses that a mesh carries: closed forms, files, vehicle file."""
 
-from __future__ import annotations
-
 import shutil
 from dataclasses import replace
 from pathlib import Path

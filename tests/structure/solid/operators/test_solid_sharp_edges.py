@@ -1,7 +1,5 @@
 """Surfaces split at sharp edges: a column of the load per side."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from solid_bodies import cube

@@ -1,7 +1,5 @@
 """Supports and free flight against closed forms and against each other."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.sparse import csc_array

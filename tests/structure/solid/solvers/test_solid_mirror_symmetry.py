@@ -1,7 +1,5 @@
 """Problems split by planes of symmetry: the parts are independent, complete, and give the same displacement."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

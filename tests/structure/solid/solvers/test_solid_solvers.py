@@ -1,7 +1,5 @@
 """Solvers of sparse problems: agreement, residuals, refusals, choice."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """The cyclic solver against the full mesh: Z_p, displacements, supports, shapes of sectors, refusals."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 
