@@ -11,7 +11,8 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import Field, fields, is_dataclass
 from os import PathLike
 from textwrap import wrap
-from typing import Any, TypeVar, cast
+from types import NoneType, UnionType
+from typing import Any, TypeVar, cast, get_args, get_origin, get_type_hints
 
 import h5py
 import numpy as np
@@ -116,8 +117,9 @@ def read_record(kind: type[Record], group: h5py.Group) -> Record:
         An entry is missing or no value of its type, or ``kind`` refuses the values.
     """
     try:
+        types = get_type_hints(kind)
         entries = [entry for entry in fields(cast(Any, kind)) if not _is_left_out(group, entry)]
-        values = {entry.name: _read_field(group, entry) for entry in entries}
+        values = {entry.name: _read_field(group, entry, types[entry.name]) for entry in entries}
     except (KeyError, ValueError) as error:
         raise InputError(f"damaged, {error.args[0]}") from error
     return kind(**values)
@@ -132,26 +134,28 @@ def _is_left_out(group: h5py.Group, entry: Field[Any]) -> bool:
     return bool(entry.metadata.get("optional")) and entry.name not in group
 
 
-def _read_field(group: h5py.Group, entry: Field[Any]) -> Any:
+def _read_field(group: h5py.Group, entry: Field[Any], annotation: Any) -> Any:
     kind = entry.metadata.get("record")
     if kind is None:
-        return _read(group, entry.name, str(entry.type))
+        return _read(group, entry.name, annotation)
     return read_record(kind, group[entry.name]) if entry.name in group else None
 
 
-def _read(group: h5py.Group, name: str, annotation: str) -> Any:
-    """Return one field; ``annotation`` is its type as written in the class."""
-    short = annotation == "str" or (annotation.startswith("dict") and name in group.attrs)
+def _read(group: h5py.Group, name: str, annotation: Any) -> Any:
+    """Return one field; ``annotation`` is its type, None among a union's where it may be missing."""
+    options = get_args(annotation) if isinstance(annotation, UnionType) else (annotation,)
+    kind = get_origin(options[0]) or options[0]
+    short = kind is str or (kind is dict and name in group.attrs)
     value = group.attrs.get(name) if short else _values(group, name)
     if value is None:
-        if "None" in annotation:
+        if NoneType in options:
             return None
         raise KeyError(f"entry '{name}' is missing; build it again")
-    if annotation == "str":
+    if kind is str:
         return str(value)
-    if annotation.startswith("dict"):
+    if kind is dict:
         return json.loads(str(value) if short else value.item())
-    if annotation.startswith("tuple"):
+    if kind is tuple:
         return tuple(item.decode() for item in value)
     return value.item() if np.ndim(value) == 0 else value
 
