@@ -1,5 +1,7 @@
 """An FMU in initialization mode: which of its first outputs depend on which variable."""
 
+from __future__ import annotations
+
 from pathlib import Path
 
 import fmpy
