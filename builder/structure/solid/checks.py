@@ -19,7 +19,7 @@ at the base: what air does to a slender body, and what bends its wall.
 """
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from itertools import permutations
@@ -377,10 +377,16 @@ def fourier_can(gauges: Gauges) -> bool:
     return bool((gauges.length == 0.0).all()) and set(gauges.surface) <= {INTERNAL}
 
 
-def fourier_reference_strain(body: BodyOfRevolution, wall: Wall, gauges: Gauges) -> FloatArray:
-    """Return strain (n_d, 20) [1/Pa] under :func:`reference_pressures` by the Fourier model, clamped aft."""
+def fourier_reference_strain(body: BodyOfRevolution, wall: Wall, layouts: Sequence[Gauges]) -> FloatArray:
+    """Return strain (n_d, 20) [1/Pa] under :func:`reference_pressures` by the Fourier model, clamped aft.
+
+    Rows are the gauges of ``layouts``, one layout after the other: one solution serves all of them.
+    """
     mesh = shell_mesh(body, wall, ELEMENT_FRACTION * body.length, 2)
-    placed = place_gauges(mesh, gauges.position, gauges.direction, gauges.name)
+    position, direction = (
+        np.concatenate([getattr(gauges, name) for gauges in layouts]) for name in ("position", "direction")
+    )
+    placed = place_gauges(mesh, position, direction, [name for gauges in layouts for name in gauges.name])
     ends = np.array([0.0, body.length])  # pressure is linear in x between stations
     grid = SurfaceGrid(x=ends, radius=np.ones(2), angle=np.zeros(2), n_roll=ROLL_ANGLES)
     response = harmonic_response(mesh, wall.material, placed.x, ends, REFERENCE_HARMONICS - 1)
