@@ -271,13 +271,13 @@ draw_nothing(setattr)
 
 @pytest.fixture(scope="session")
 def demonstration(kept_folder: Path, few_samples: str, is_quick: bool) -> Callable[..., None]:
-    """Return a function that runs the demonstration in its own process, of another vehicle without drawing.
+    """Return a function that runs the demonstration in its own process; it is drawn where tests take minutes.
 
     It leaves ``demo`` and ``printed.txt`` in ``folder``.
     """
 
     def run_it(folder: Path, *arguments: str) -> None:
-        statements = few_samples + (UNDRAWN if arguments else "")
+        statements = few_samples + (UNDRAWN if is_quick else "")
         program = DEMO.format(
             support=str(TESTS / "support"), kept=str(kept_folder), statements=statements, is_coarse=is_quick
         )

@@ -56,8 +56,11 @@ def test_accuracy_of_the_flown_estimator(demo_by_grid: Path) -> None:
     np.testing.assert_allclose(np.array(rows[1:], dtype=float)[:, 1:], recording.values, rtol=1e-12)
 
 
-def test_both_estimators_are_in_one_table_and_one_figure(demo_by_grid: Path) -> None:
-    """The nonlinear one, which flies, errs at most two thirds as much as the linear one in every coefficient."""
+def test_both_estimators_are_in_one_table_and_one_figure(demo_by_grid: Path, is_quick: bool) -> None:
+    """The nonlinear one, which flies, errs at most two thirds as much as the linear one in every coefficient.
+
+    A quick run makes the figures and does not draw them.
+    """
     summary = json.loads((demo_by_grid / "summary.json").read_text(encoding="utf-8"))
     linear, flown = summary["estimators"]["linear"], summary["estimators"]["nonlinear"]
     for name in COEFFICIENT_NAMES:
@@ -68,7 +71,7 @@ def test_both_estimators_are_in_one_table_and_one_figure(demo_by_grid: Path) -> 
         assert flown["coverage"][name] > 0.99
     recording, made = load_recording(demo_by_grid / "flight.h5"), load_inverse_map(demo_by_grid / "map.h5")
     assert list(flown_estimators(made.without_tables(), recording)) == ["linear"]
-    assert (demo_by_grid / "estimators.png").stat().st_size > 10_000
+    assert (demo_by_grid / "estimators.png").stat().st_size > (0 if is_quick else 10_000)
     readme = (demo_by_grid / "README.txt").read_text(encoding="utf-8")
     assert "Linear and nonlinear estimator on the same strains" in readme
 
