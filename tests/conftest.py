@@ -13,6 +13,7 @@ os.environ["STRAINFMU_CACHE"] = ""  # a test finds nothing that another left
 
 import gc
 import pickle
+import re
 import subprocess
 import sys
 from collections.abc import Callable, Generator, Iterator
@@ -243,10 +244,10 @@ def quickly_packed() -> None:
 
 @pytest.fixture(scope="session", autouse=True)
 def names_parsed_once() -> Iterator[None]:
-    """Have FMPy parse a name of a variable once: FMUs of tests have many in common."""
-    parser = cache(lark.Lark)
+    """Have FMPy parse a name of a variable once: FMUs of tests have many in common, but for their indices."""
+    parser, parsed = cache(lark.Lark), cache(lark.Lark.parse)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(lark.Lark, "parse", cache(lark.Lark.parse))
+        patch.setattr(lark.Lark, "parse", lambda grammar, name: parsed(grammar, re.sub(r"[1-9]\d*", "1", name)))
         patch.setattr(lark, "Lark", parser)
         yield
 

@@ -121,11 +121,11 @@ def assert_equal_to(expected: np.ndarray, found: np.ndarray, tolerance: float = 
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=tolerance * np.abs(expected).max())
 
 
-@pytest.mark.parametrize("step", [53, pytest.param(1, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("step", [139, pytest.param(1, marks=pytest.mark.slow)])
 def test_masked_step_is_that_of_the_map_rebuilt(maps: Maps, inverse_map: InverseMap, step: int) -> None:
     """54 single gauges, 500 pairs and triples: loads, covariance, chi-square of a map built again, to 1e-9.
 
-    Loads are compared to the largest of them, covariances in units of their own sigmas. All sets, or every 53rd
+    Loads are compared to the largest of them, covariances in units of their own sigmas. All sets, or every 139th
     where there is no time; ``tests/estimator/test_masks.py`` has more of them with maps made of random numbers.
     """
     if inverse_map.form == "dynamic_pressure":

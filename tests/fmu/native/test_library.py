@@ -8,7 +8,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
-from raw_fmu import shipped_library, this_platform
+from raw_fmu import shipped_library
 
 from strainfmu.errors import InputError
 from strainfmu.estimator.library_sources import LIBRARIES, MARK, library_digest
@@ -95,23 +95,15 @@ def copied_sources(folder: Path) -> Path:
     return Path(shutil.copytree(NATIVE, folder / "copy", ignore=shutil.ignore_patterns("binaries")))
 
 
-@needs_zig
-@pytest.mark.parametrize("library", [pytest.param("estimator", marks=pytest.mark.slow), "plant"])
-def test_library_is_that_of_the_sources(library: str, tmp_path: Path) -> None:
-    """One from a copy of the sources, one from their own folder: no path is in the bytes.
-
-    In every run the estimator's library states the digest of its sources, above.
-    """
-    platform, shipped = this_platform(), library_file(this_platform(), library).read_bytes()
-    sources = [copied_sources(tmp_path)] if library == "estimator" else []
-    assert build_library(platform, library, *sources) == shipped
-
-
 @pytest.mark.slow
 @needs_zig
 @pytest.mark.parametrize("library", list(LIBRARIES))
 @pytest.mark.parametrize("platform", list(PLATFORMS))
 def test_all_libraries_are_those_of_the_sources(platform: str, library: str, tmp_path: Path) -> None:
+    """Built from a copy of the sources, the shipped ones in their own folder: no path is in the bytes.
+
+    In every run each library states the digest of its sources, above.
+    """
     assert (
         build_library(platform, library, copied_sources(tmp_path)) == library_file(platform, library).read_bytes()
     )
