@@ -92,8 +92,8 @@ def test_ten_thousand_random_faults(profile: str) -> None:
 @pytest.mark.parametrize("kind", FaultKind)
 def test_every_fault_by_itself(kind: FaultKind) -> None:
     """Each fault alone, short and long: none is missed by chance of the draw."""
-    faults = [Fault(kind=kind, start=20, cycles=1, seed=3), Fault(kind=kind, start=250, cycles=30, seed=8)]
-    run = run_campaign(layout_of("fd64"), faults, 280 + GAP)
+    faults = [Fault(kind=kind, start=20, cycles=1, seed=3), Fault(kind=kind, start=140, cycles=30, seed=8)]
+    run = run_campaign(layout_of("fd64"), faults, 170 + GAP)
     assert run.false_valid == []
     assert run.late_recovery == []
 
