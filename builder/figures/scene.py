@@ -291,11 +291,14 @@ def _draw(axis: Any, scene: Scene, view: FloatArray) -> Any:
     corners = scene.bar_points @ view.T
     outward = scene.frame[:, 2] / np.linalg.norm(scene.frame[:, 2], axis=1, keepdims=True)
     facing = (outward @ view.T)[:, 2] > 0.05
-    hidden = np.array(
-        [facing[g] and _covered(point, surface.triangle, corners[g].mean(axis=0)) for g in range(len(facing))]
-    )
+    triangles, slack = point[surface.triangle], 1e-3 * float(np.ptp(point[:, 2]))
+    low, high = triangles[:, :, :2].min(axis=1), triangles[:, :, :2].max(axis=1)
     sides, paints = [], []
-    for g in np.flatnonzero(facing & ~hidden):
+    for g in np.flatnonzero(facing):
+        middle = corners[g].mean(axis=0)
+        about = ((low <= middle[:2]) & (high >= middle[:2])).all(axis=1)
+        if _covered(triangles[about], middle, slack):
+            continue
         box = corners[g][BOX_SIDES]
         out = np.cross(box[:, 1] - box[:, 0], box[:, 2] - box[:, 0])
         out /= np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-300)
@@ -315,22 +318,16 @@ def _lit(colour: FloatArray, normal: FloatArray) -> FloatArray:
     return lit
 
 
-def _covered(point: FloatArray, triangle: Any, place: FloatArray) -> bool:
-    """Return whether a triangle lies between ``at`` (3,) and the viewer, axes of the picture."""
-    a, b, c = (point[triangle[:, k]] for k in range(3))
-
-    def cross(p: FloatArray, q: FloatArray) -> FloatArray:
-        side: FloatArray = (q[:, 0] - p[:, 0]) * (place[1] - p[:, 1]) - (q[:, 1] - p[:, 1]) * (place[0] - p[:, 0])
-        return side
-
-    u, v, w = cross(b, c), cross(c, a), cross(a, b)
-    inside = ((u >= 0) & (v >= 0) & (w >= 0)) | ((u <= 0) & (v <= 0) & (w <= 0))
-    total = u + v + w
-    inside &= np.abs(total) > 0.0
-    if not inside.any():
-        return False
-    depth = (u * a[:, 2] + v * b[:, 2] + w * c[:, 2])[inside] / total[inside]
-    return bool(depth.max() > place[2] + 1e-3 * float(np.ptp(point[:, 2])))
+def _covered(triangles: FloatArray, place: FloatArray, slack: float) -> bool:
+    """Return whether one of ``triangles`` (n, 3, 3) lies between ``place`` (3,) and the viewer, by more than
+    ``slack``; axes of the picture [m]."""
+    corner, next_corner = np.roll(triangles, -1, axis=1), np.roll(triangles, -2, axis=1)
+    side, away = next_corner[:, :, :2] - corner[:, :, :2], place[:2] - corner[:, :, :2]
+    weight = side[:, :, 0] * away[:, :, 1] - side[:, :, 1] * away[:, :, 0]
+    total = weight.sum(axis=1)
+    inside = ((weight >= 0.0).all(axis=1) | (weight <= 0.0).all(axis=1)) & (total != 0.0)
+    depth = np.sum(weight * triangles[:, :, 2], axis=1)[inside] / total[inside]
+    return bool((depth > place[2] + slack).any())
 
 
 def _legend(axis: Any, scene: Scene) -> None:

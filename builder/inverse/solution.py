@@ -105,6 +105,25 @@ class Problem:
         """(n, n_d) readings of the members of the ensemble at the nominal dynamic pressure [m/m]."""
         return self.ensemble.responses(self.strain_operator) + self.offset
 
+    @cached_property
+    def modes(self) -> PressureModes:
+        """The POD in the inner product of the map; pairs of a rolled one are turned to the gauges."""
+        weights = area_weights(self.node_area) if self.entry.inner_product == "area" else None
+        if self.ensemble.grid is None:
+            return proper_orthogonal_decomposition(self.ensemble.pressure, weights)
+        modes = rolled_modes(self.ensemble, weights)
+        return turned_to_gauges(modes, self.noise[0].whitened(self.strain_operator @ modes.modes))
+
+    @cached_property
+    def strain_of_modes(self) -> FloatArray:
+        """(n_d, k) Z_p V of :attr:`modes` [1/Pa]."""
+        return self.strain_operator @ self.modes.modes
+
+    @cached_property
+    def noise_model(self) -> NoiseModel:
+        """The terms without the truncated modes together."""
+        return NoiseModel(self.noise)
+
 
 def with_flow_models(problem: Problem) -> Problem:
     """Return ``problem`` with the level and the difference of flow models among its noise.
@@ -149,9 +168,8 @@ def solve(problem: Problem) -> Solution:
 
 
 def _solve_case_1(problem: Problem) -> Solution:
-    modes, states, choice = ordered_modes(problem)
+    modes, strain_of_modes, states, choice = ordered_modes(problem)
     n_states = len(states)
-    strain_of_modes = problem.strain_operator @ modes.modes
     noise = _with_truncated(problem, modes, n_states, strain_of_modes)
     std, z = modes.coefficient_std[:n_states], strain_of_modes[:, :n_states]
     mean_strain = _mean_strain(problem, modes.mean)
@@ -182,11 +200,11 @@ def _solve_case_1(problem: Problem) -> Solution:
 def _solve_case_2(problem: Problem) -> Solution:
     entry = problem.entry
     if entry.prior_modes is None:
-        prior, noise, energy, unresolved = _whole_prior(problem), NoiseModel(problem.noise), 1.0, None
+        prior, noise, energy, unresolved = _whole_prior(problem), problem.noise_model, 1.0, None
     else:
-        modes = pressure_modes(problem)
+        modes = problem.modes
         prior = prior_of_modes(modes, entry.prior_modes)
-        noise = _with_truncated(problem, modes, entry.prior_modes, problem.strain_operator @ modes.modes)
+        noise = _with_truncated(problem, modes, entry.prior_modes, problem.strain_of_modes)
         energy = float(modes.energy[entry.prior_modes - 1])
         unresolved = _unresolved(problem, modes, entry.prior_modes)
     state_operator = problem.strain_operator @ prior.factor
@@ -238,31 +256,21 @@ def area_weights(node_area: FloatArray) -> FloatArray:
     return node_area / node_area.mean()
 
 
-def pressure_modes(problem: Problem) -> PressureModes:
-    """Return the POD in the inner product of the map; pairs of a rolled one are turned to the gauges."""
-    weights = area_weights(problem.node_area) if problem.entry.inner_product == "area" else None
-    if problem.ensemble.grid is not None:
-        modes = rolled_modes(problem.ensemble, weights)
-        return turned_to_gauges(modes, problem.noise[0].whitened(problem.strain_operator @ modes.modes))
-    return proper_orthogonal_decomposition(problem.ensemble.pressure, weights)
-
-
-def ordered_modes(problem: Problem) -> tuple[PressureModes, list[int], dict[str, Any]]:
-    """Return the POD with the states of Case 1 first, and :func:`mode_choice`.
+def ordered_modes(problem: Problem) -> tuple[PressureModes, FloatArray, list[int], dict[str, Any]]:
+    """Return the POD with the states of Case 1 first, its strain (n_d, k) [1/Pa], and :func:`mode_choice`.
 
     Raises
     ------
     InputError
         More modes requested than gauges or snapshots carry, or the gauges observe none.
     """
-    modes = pressure_modes(problem)
-    states, record = mode_choice(problem, modes)
-    rest = [mode for mode in range(modes.modes.shape[1]) if mode not in states]
-    return modes.reordered([*states, *rest]), states, record
+    states, record = mode_choice(problem)
+    order = [*states, *(mode for mode in range(problem.modes.modes.shape[1]) if mode not in states)]
+    return problem.modes.reordered(order), problem.strain_of_modes[:, order], states, record
 
 
-def mode_choice(problem: Problem, modes: PressureModes) -> tuple[list[int], dict[str, Any]]:
-    """Return which of ``modes`` are states of Case 1, by index, and the choice for a map's provenance.
+def mode_choice(problem: Problem) -> tuple[list[int], dict[str, Any]]:
+    """Return which of the pressure modes are states of Case 1, by index, and the choice for a map's provenance.
 
     Modes are tried by falling energy, until there are ``map.modes`` states. A mode is a state if its strain at one
     standard deviation, without the part that states before it explain, is at least :data:`MIN_STRAIN_OVER_NOISE`
@@ -274,6 +282,7 @@ def mode_choice(problem: Problem, modes: PressureModes) -> tuple[list[int], dict
     InputError
         As :func:`ordered_modes`.
     """
+    modes = problem.modes
     wanted, n_gauges, available = problem.entry.modes, len(problem.strain_operator), modes.modes.shape[1]
     if wanted > min(n_gauges, available):
         raise InputError(
@@ -281,8 +290,8 @@ def mode_choice(problem: Problem, modes: PressureModes) -> tuple[list[int], dict
             f"{modes.n_snapshots} snapshots"
         )
     variance = modes.coefficient_std**2 * (problem.node_area @ modes.modes**2)
-    of_modes = problem.strain_operator @ (modes.modes * modes.coefficient_std)
-    whitened = [problem.noise[0].whitened(of_modes), NoiseModel(problem.noise).whitening @ of_modes]
+    of_modes = problem.strain_of_modes * modes.coefficient_std
+    whitened = [problem.noise[0].whitened(of_modes), problem.noise_model.whitening @ of_modes]
     bases = [np.empty((n_gauges, 0))] * 2
     states: list[int] = []
     left_out: list[dict[str, Any]] = []
@@ -323,7 +332,7 @@ def _with_truncated(
     problem: Problem, modes: PressureModes, n_states: int, strain_of_modes: FloatArray
 ) -> NoiseModel:
     if not problem.tolerances.with_truncated_modes or n_states == modes.modes.shape[1]:
-        return NoiseModel(problem.noise)
+        return problem.noise_model
     load_of_modes = problem.load_operator @ modes.modes
     return NoiseModel((*problem.noise, truncated_modes(strain_of_modes, load_of_modes, modes, n_states)))
 

@@ -19,7 +19,7 @@ from builder.inverse.noise.flow_models import leeward_fields
 from builder.inverse.noise.flows_between import SolvedFlows
 from builder.inverse.noise.hardware_errors import rms_ambient_pressure
 from builder.inverse.problem import AnyStructure, errors_of_flows, gauge_noise_covariance, inverse_problem
-from builder.inverse.solution import Problem, mode_choice, pressure_modes
+from builder.inverse.solution import Problem, mode_choice
 from builder.manifold.nonlinear_build import tables_and_errors
 from builder.placement.candidate_strain import CandidateStrain
 from builder.placement.gaussian_model import GaussianModel
@@ -355,8 +355,7 @@ def _linear(parts: FlightParts, triangle: FloatArray) -> list[_State]:
     if vehicle.map.case == 1:
         # Modes that the layout in use observes too weakly for states keep their prior, as in its map.
         problem = inverse_problem(vehicle, parts.flows.snapshots, parts.structure)
-        modes = pressure_modes(problem)
-        free = np.array(mode_choice(problem, modes)[0])
+        modes, free = problem.modes, np.array(mode_choice(problem)[0])
     else:
         modes = _modes(ensemble)
     size = modes.coefficient_std

@@ -8,7 +8,7 @@ from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import inverse_map_of
 from builder.inverse.mode_choice import MIN_STRAIN_OVER_NOISE, mode_choice_lines
 from builder.inverse.problem import inverse_problem
-from builder.inverse.solution import ordered_modes, pressure_modes, solve
+from builder.inverse.solution import ordered_modes, solve
 from builder.structure.fourier.fourier_model import StructuralModel
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map_options import MapEntry
@@ -38,8 +38,8 @@ def test_the_published_prior_builds_with_few_modes(
     assert left_out == [f"left out: mode {mode}" for mode in skipped]
     # What is skipped is in the noise, with its load.
     assert [term.name for term in solution.noise.terms] == ["gauge noise", "truncated modes"]
-    ordered, states, _ = ordered_modes(problem)
-    whole = pressure_modes(problem)
+    ordered, _, states, _ = ordered_modes(problem)
+    whole = problem.modes
     assert len(states) == modes
     kept = [mode for mode in range(modes + len(skipped)) if mode + 1 not in skipped]
     assert states == kept

@@ -16,12 +16,10 @@ from scipy import sparse
 
 from builder.aero.pressure_map import mirror_operator
 from builder.aero.surface.mesh import Surface, SurfaceMesh, grid_of, mesh_of
-from builder.inverse.noise.model import NoiseModel
-from builder.inverse.solution import Problem, Solution, mode_choice, pressure_modes
+from builder.inverse.solution import Problem, Solution, mode_choice
 from builder.structure.observability import SYMMETRIES
 from builder.vehicle.shape.geometry import SurfaceGrid
-from strainfmu.arrays import BoolArray, FloatArray
-from strainfmu.linear.pressure_modes import PressureModes
+from strainfmu.arrays import BoolArray, FloatArray, lower_factor
 
 Mirrors = tuple[sparse.csr_array, sparse.csr_array]
 
@@ -146,11 +144,10 @@ def prior_observability(
 ) -> PriorObservability:
     """Return what the gauges of ``problem`` observe of its snapshots, with the map of ``solution``."""
     entry = problem.entry
-    modes = pressure_modes(problem)
-    std, strain = modes.coefficient_std, problem.strain_operator @ modes.modes
-    error, best = _error_factor(problem, solution, modes, strain), _best_error_factor(problem, modes, strain)
+    modes, strain = problem.modes, problem.strain_of_modes
+    std, error, best = modes.coefficient_std, _error_factor(problem, solution), _best_error_factor(problem)
     is_state = np.zeros(len(std), dtype=bool)
-    is_state[mode_choice(problem, modes)[0] if entry.case == 1 else slice(entry.prior_modes)] = True
+    is_state[mode_choice(problem)[0] if entry.case == 1 else slice(entry.prior_modes)] = True
     area = problem.node_area / problem.node_area.sum()
     per_mode = std**2 * (area @ modes.modes**2)
     total = float(per_mode.sum())
@@ -189,18 +186,20 @@ def prior_observability(
     )
 
 
-def _error_factor(problem: Problem, solution: Solution, modes: PressureModes, strain: FloatArray) -> FloatArray:
-    """Return C (k, k + noise columns) [Pa]: C C' is the covariance of the map's error in modal coefficients."""
-    fields_in_modes = modes.coefficients(solution.field_modes.T + modes.mean).T
-    gain = fields_in_modes @ solution.solved.strain_gain
-    of_modes = (np.eye(len(fields_in_modes)) - gain @ strain) * modes.coefficient_std
-    return np.hstack([of_modes, *(term.by_gain(gain) for term in problem.noise)])
+def _error_factor(problem: Problem, solution: Solution) -> FloatArray:
+    """Return C (k, k) [Pa]: C C' is the covariance of the map's error in modal coefficients."""
+    modes, gain = problem.modes, solution.solved.strain_gain
+    states_in_modes = modes.coefficients(solution.field_modes.T + modes.mean).T
+    estimated = states_in_modes @ (gain @ problem.strain_of_modes)
+    of_modes = (np.eye(len(estimated)) - estimated) * modes.coefficient_std
+    of_noise = lower_factor(np.hstack([term.by_gain(gain) for term in problem.noise]))
+    return lower_factor(np.hstack([of_modes, states_in_modes @ of_noise]))
 
 
-def _best_error_factor(problem: Problem, modes: PressureModes, strain: FloatArray) -> FloatArray:
+def _best_error_factor(problem: Problem) -> FloatArray:
     """Return the same (k, k) [Pa] of the Bayesian estimate with all modes as states."""
-    std = modes.coefficient_std
-    whitened = NoiseModel(problem.noise).whitening @ (strain * std)
+    std = problem.modes.coefficient_std
+    whitened = problem.noise_model.whitening @ (problem.strain_of_modes * std)
     _, singular, right = np.linalg.svd(whitened, full_matrices=len(whitened) < len(std))
     eigenvalues = np.pad(singular**2, (0, len(std) - len(singular)))
     # The covariance of the error is the inverse Hessian, V diag(1 / (lambda + 1)) V^T of unit states.
