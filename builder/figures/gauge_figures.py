@@ -32,6 +32,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 MAX_LABELS = 30
+MAX_MARKS = 1000
+"""Gauges up to which marks are lines; of more they are dots of a picture, which is written in less time."""
 MAX_MATRIX = 120
 """Gauges up to which the matrix of pairs has texts: their number grows with the square."""
 
@@ -140,6 +142,7 @@ def draw_gauges(axis: Any, inverse_map: InverseMap, numbers: FloatArray | None) 
                 markeredgecolor="black",
                 markersize=5,
                 label=label,
+                rasterized=len(roll) > MAX_MARKS,
             )
             continue
         low, high = _limits(numbers[finite])
@@ -156,6 +159,7 @@ def draw_gauges(axis: Any, inverse_map: InverseMap, numbers: FloatArray | None) 
             edgecolors="0.3",
             linewidths=0.5,
             label=label,
+            rasterized=len(roll) > MAX_MARKS,
         )
         axis.scatter(place[0][chosen & ~finite], place[1][chosen & ~finite], c="black", marker=marker, s=60)
     axis.set_ylim(-25.0, 370.0)

@@ -28,7 +28,7 @@ from builder.inverse.noise.inertia import VIBRATION_MODES, inertia_in_words
 from builder.inverse.noise.model import NoiseTerm, fixed_covariance, principal_columns
 from builder.inverse.problem import AnyStructure, inverse_problem, on_structure
 from builder.inverse.sensor_set import SensorSet
-from builder.inverse.solution import Problem, Solution, solve
+from builder.inverse.solution import Problem, Solution
 from builder.vehicle.file import Vehicle
 from builder.vehicle.gauges.layout import GaugeLayout
 from strainfmu.arrays import FloatArray, lower_factor
@@ -240,11 +240,8 @@ def build_inverse_map(
     """
     snapshots = on_structure(snapshots, structure)
     problem = problem or inverse_problem(vehicle, snapshots, structure, nuisance)
-    solution = solve(problem)
-    inverse_map = on_observable_states(inverse_map_of(vehicle, snapshots, structure, problem, solution))
-    terms = solution.noise.terms
-    del solution  # of many gauges its full covariance is large
-    return with_score_limit(inverse_map, problem, terms)
+    inverse_map = inverse_map_of(vehicle, snapshots, structure, problem, problem.solution)
+    return with_score_limit(on_observable_states(inverse_map), problem, problem.solution.noise.terms)
 
 
 def snapshot_coefficients(vehicle: Vehicle, snapshots: Snapshots, loads: FloatArray) -> FloatArray:

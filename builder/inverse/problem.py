@@ -16,7 +16,6 @@ from builder.campaign.snapshots import Snapshots, snapshots_on
 from builder.inverse.ensemble import Ensemble, ensemble_of
 from builder.inverse.noise.flow_models import (
     LEEWARD_PRESSURE,
-    flow_model_errors,
     leeward_fields,
     newtonian_snapshots,
 )
@@ -286,9 +285,7 @@ def inverse_problem(
     flows = SolvedFlows(snapshots=snapshots, entries=vehicle.flow_entries())
     fields = errors_of_flows(vehicle, flows, ensemble)
     terms += [pressure_errors(name, columns, z_p, loads) for name, columns in fields.items()]
-    sizes = model_form(vehicle.map, vehicle.noise)
-    newtonian = newtonian_snapshots(sizes, snapshots)
-    of_newtonian = None if newtonian is None else ensemble_of(vehicle, newtonian)
+    newtonian = newtonian_snapshots(model_form(vehicle.map, vehicle.noise), snapshots)
     return Problem(
         ensemble=ensemble,
         strain_operator=z_p,
@@ -308,7 +305,7 @@ def inverse_problem(
         inertia=inertia,
         off_the_snapshots=fields.get(BETWEEN),
         leeward=fields.get(LEEWARD_PRESSURE),
-        flow_models=flow_model_errors(sizes, snapshots, ensemble, of_newtonian, z_p, loads),
+        newtonian=None if newtonian is None else ensemble_of(vehicle, newtonian),
     )
 
 

@@ -12,6 +12,7 @@ from builder.inverse.mode_choice import (
     MIN_STRAIN_OVER_NOISE,
     choice_record,
 )
+from builder.inverse.noise.flow_models import flow_model_errors
 from builder.inverse.noise.flows_between import SolvedFlows
 from builder.inverse.noise.hardware_errors import HardwareError, MeshError
 from builder.inverse.noise.model import NoiseModel, NoiseTerm, truncated_modes
@@ -40,6 +41,28 @@ from strainfmu.linear.state_map import (
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+class Solution:
+    """A solved problem: p = mean + field_modes q with q from ``solved``.
+
+    Attributes
+    ----------
+    solved : the state map.
+    noise : all terms of its covariance.
+    mean : (n_p,) [Pa].
+    field_modes : (n_p, n_q) V_r [1] or F [Pa].
+    facts : numbers for the map's provenance.
+    unresolved : (n_p,) variance of the pressure that no state holds [Pa^2]; None where nothing or not wanted.
+    """
+
+    solved: StateMap
+    noise: NoiseModel
+    mean: FloatArray
+    field_modes: FloatArray
+    facts: dict[str, Any]
+    unresolved: FloatArray | None = None
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Problem:
     """The inputs of an inverse map.
 
@@ -63,8 +86,7 @@ class Problem:
         [Pa]; None where it is not counted.
     leeward : (k, n_p) error of the pressure on the leeward side, see
         :func:`~builder.inverse.noise.flow_models.leeward_fields` [Pa]; None for none.
-    flow_models : terms of :mod:`builder.inverse.noise.flow_models`, which are not among ``noise``: see
-        :func:`with_flow_models`.
+    newtonian : the flows of ``ensemble`` by newtonian theory, where their difference is stated.
     """
 
     ensemble: Ensemble
@@ -85,7 +107,7 @@ class Problem:
     inertia: InertiaMap | None = None
     off_the_snapshots: FloatArray | None = None
     leeward: FloatArray | None = None
-    flow_models: tuple[NoiseTerm, ...] = ()
+    newtonian: Ensemble | None = None
 
     @property
     def model_form(self) -> ModelForm:
@@ -124,6 +146,20 @@ class Problem:
         """The terms without the truncated modes together."""
         return NoiseModel(self.noise)
 
+    @cached_property
+    def flow_models(self) -> tuple[NoiseTerm, ...]:
+        """Terms of :mod:`builder.inverse.noise.flow_models`, which are not among ``noise``: see
+        :func:`with_flow_models`; none without :attr:`flows`."""
+        if self.flows is None:
+            return ()
+        operators = self.strain_operator, self.load_operator
+        return flow_model_errors(self.model_form, self.flows.snapshots, self.ensemble, self.newtonian, *operators)
+
+    @cached_property
+    def solution(self) -> Solution:
+        """The solution of the case of :attr:`entry`; an :class:`InputError` names the entry where it has none."""
+        return _solve_case_1(self) if self.entry.case == 1 else _solve_case_2(self)
+
 
 def with_flow_models(problem: Problem) -> Problem:
     """Return ``problem`` with the level and the difference of flow models among its noise.
@@ -132,39 +168,6 @@ def with_flow_models(problem: Problem) -> Problem:
     gauges that err less well, and its loads on flows as the snapshots' would be wrong by up to a quarter more.
     """
     return replace(problem, noise=problem.noise + problem.flow_models)
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Solution:
-    """A solved problem: p = mean + field_modes q with q from ``solved``.
-
-    Attributes
-    ----------
-    solved : the state map.
-    noise : all terms of its covariance.
-    mean : (n_p,) [Pa].
-    field_modes : (n_p, n_q) V_r [1] or F [Pa].
-    facts : numbers for the map's provenance.
-    unresolved : (n_p,) variance of the pressure that no state holds [Pa^2]; None where nothing or not wanted.
-    """
-
-    solved: StateMap
-    noise: NoiseModel
-    mean: FloatArray
-    field_modes: FloatArray
-    facts: dict[str, Any]
-    unresolved: FloatArray | None = None
-
-
-def solve(problem: Problem) -> Solution:
-    """Solve the case of ``problem.entry``.
-
-    Raises
-    ------
-    InputError
-        The gauges or snapshots do not suffice; the message names the entry.
-    """
-    return _solve_case_1(problem) if problem.entry.case == 1 else _solve_case_2(problem)
 
 
 def _solve_case_1(problem: Problem) -> Solution:

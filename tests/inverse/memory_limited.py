@@ -19,7 +19,7 @@ from builder.aero.surface.mesh import mesh_of_grid
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
 from builder.inverse.noise.model import gauge_noise
-from builder.inverse.solution import Problem, solve
+from builder.inverse.solution import Problem
 from builder.structure.mapped_structure import MappedStructure
 from builder.vehicle.file import IC3X, load_vehicle
 from builder.vehicle.gauges.layout import GaugeLayout
@@ -114,20 +114,18 @@ def field(_: Path) -> dict[str, object]:
         MapEntry(case=1, modes=3, inner_product="area"),
     )
     shapes = [
-        solve(
-            Problem(
-                ensemble=listed_ensemble(pressure),
-                errors=(),
-                strain_operator=operator,
-                load_operator=loads,
-                node_area=area,
-                noise=noise,
-                entry=entry,
-                tolerances=Noise(std_um_per_m=1.0),
-                reference=ReferenceQuantities(1.0, 1.0, 0.0),
-                inside="ambient",
-            )
-        ).field_modes.shape
+        Problem(
+            ensemble=listed_ensemble(pressure),
+            errors=(),
+            strain_operator=operator,
+            load_operator=loads,
+            node_area=area,
+            noise=noise,
+            entry=entry,
+            tolerances=Noise(std_um_per_m=1.0),
+            reference=ReferenceQuantities(1.0, 1.0, 0.0),
+            inside="ambient",
+        ).solution.field_modes.shape
         for entry in entries
     ]
     return {"shapes": shapes}

@@ -8,7 +8,7 @@ from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import inverse_map_of
 from builder.inverse.mode_choice import MIN_STRAIN_OVER_NOISE, mode_choice_lines
 from builder.inverse.problem import inverse_problem
-from builder.inverse.solution import ordered_modes, solve
+from builder.inverse.solution import ordered_modes
 from builder.structure.fourier.fourier_model import StructuralModel
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map_options import MapEntry
@@ -26,7 +26,7 @@ def test_the_published_prior_builds_with_few_modes(
         noise = vehicle.noise.without_hardware_errors()
         changed = vehicle.model_copy(update={"map": MapEntry(modes=modes), "noise": noise})
     problem = inverse_problem(changed, prior_snapshots, structure)
-    solution = solve(problem)
+    solution = problem.solution
     built = inverse_map_of(changed, prior_snapshots, structure, problem, solution)
     assert built.provenance["modes"] == modes
     skipped = built.provenance["modes_skipped"]

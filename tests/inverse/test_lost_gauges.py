@@ -15,7 +15,6 @@ from scipy.stats import binom, chi2
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import inverse_map_of
 from builder.inverse.problem import inverse_problem
-from builder.inverse.solution import solve
 from builder.reports.findings.gauge_value import correlations
 from builder.reports.findings.gauge_value import isolable_bias as bias_by_precision
 from builder.structure.fourier.fourier_model import StructuralModel
@@ -68,7 +67,7 @@ class Maps:
         operators = {"configuration_2": self.operator, "rest": self.operator[keep]}
         structure = MappedStructure(surface=self.surface, description="part", layouts=layouts, operators=operators)
         problem = inverse_problem(self.vehicle, self.snapshots, structure)
-        found = inverse_map_of(self.vehicle, self.snapshots, structure, problem, solve(problem))
+        found = inverse_map_of(self.vehicle, self.snapshots, structure, problem, problem.solution)
         # Flights drawn from the map's own model leave what its snapshots cover.
         return replace(found, **nothing_of("envelope_direction", "envelope_limit"))
 

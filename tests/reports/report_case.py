@@ -14,7 +14,7 @@ from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import inverse_map_of
 from builder.inverse.noise.model import NoiseModel
 from builder.inverse.problem import inverse_problem
-from builder.inverse.solution import Problem, Solution, solve
+from builder.inverse.solution import Problem, Solution
 from builder.structure.fourier.fourier_model import StructuralModel, structural_model
 from builder.vehicle.file import Vehicle, load_vehicle
 from builder.vehicle.map_needs import used_layouts
@@ -67,7 +67,7 @@ def case_of(parts: tuple[Vehicle, Snapshots, StructuralModel], entry: MapEntry) 
     vehicle, snapshots, structure = parts
     vehicle = vehicle.model_copy(update={"map": entry})
     problem = inverse_problem(vehicle, snapshots, structure)
-    solution = solve(problem)
+    solution = problem.solution
     inverse_map = inverse_map_of(vehicle, snapshots, structure, problem, solution)
     return ReportCase(
         vehicle=vehicle,

@@ -9,7 +9,6 @@ from state_estimates import state_gain
 
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import on_observable_states
-from builder.inverse.solution import solve
 from builder.reports.findings.coefficient_sources import coefficient_sources, load_covariance_by_terms
 from builder.reports.findings.gauge_value import gauge_value
 from builder.structure.fourier.fourier_model import StructuralModel
@@ -71,7 +70,7 @@ def test_states_that_no_gauge_sees_change_nothing(parts: Parts) -> None:
     """Five gauges, 18 states, and the same map on its five observable states: growth to 1e-7, sources add up."""
     case, kept = case_of(parts, CASE_2), [0, 1, 9, 14, 22]
     five = with_gauges(case.problem, kept)
-    solution = solve(five)
+    solution = five.solution
     whole = map_of_some(case, five, solution, kept)
     observable = on_observable_states(whole)
     assert observable.state_operator.shape == (5, 5)

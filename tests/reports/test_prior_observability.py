@@ -10,7 +10,7 @@ from report_case import CASE_1, CASE_2, ReportCase, case_of
 from builder.aero.surface.mesh import mesh_of_grid
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.noise.model import gauge_noise
-from builder.inverse.solution import Problem, solve
+from builder.inverse.solution import Problem
 from builder.reports.findings.prior_observability import (
     PriorObservability,
     mirror_operators,
@@ -65,7 +65,7 @@ def constructed(correlated: bool, grid: SurfaceGrid = GRID) -> tuple[PriorObserv
     )
     # Both waves have a mean square of 1/2 over the area.
     fraction = (100.0**2 * second @ second) / (300.0**2 * first @ first + 100.0**2 * second @ second)
-    return prior_observability(problem, solve(problem), grid), fraction
+    return prior_observability(problem, problem.solution, grid), fraction
 
 
 @pytest.mark.parametrize("grid", [GRID, ODD_GRID], ids=["24 roll angles", "25 roll angles"])

@@ -294,7 +294,7 @@ def error_model(
     n_d = errors[0].strain.shape[1]
     of_gauge, common = np.zeros((len(PAIRS), n_d)), []
     for error in errors:
-        slope = np.linalg.lstsq(root * c, root * error.strain, rcond=1e-10)[0]
+        slope = np.linalg.pinv(root * c, rcond=1e-10) @ (root * error.strain)
         if error.common:
             common.append(slope)
             continue

@@ -114,10 +114,10 @@ class NoiseModel:
         if self._parts is None:
             return np.asarray(sum(term.covariance for term in self.terms))
         variance, columns = self._parts
-        root = np.sqrt(variance)
-        covariance = columns @ columns.T
-        covariance[np.diag_indices(len(variance))] += 1.0
-        return np.asarray(covariance * root * root[:, None])
+        strain = np.sqrt(variance)[:, None] * columns
+        covariance = strain @ strain.T
+        covariance[np.diag_indices(len(variance))] += variance
+        return np.asarray(covariance)
 
     @cached_property
     def whitening(self) -> FloatArray | LinearOperator:

@@ -180,7 +180,7 @@ def coefficient_sources(inverse_map: InverseMap, problem: Problem, solution: Sol
     parts = {term.name: part for term, part in zip(solution.noise.terms, of_noise, strict=True)}
     if inverse_map.case == 2:
         parts[OF_STATES] = of_states
-    covariance = load_covariance(inverse_map)[FIVE_LOADS, FIVE_LOADS]
+    covariance = load_covariance(inverse_map, gain)[FIVE_LOADS, FIVE_LOADS]
     std = np.sqrt(np.diag(covariance))
     return CoefficientSources(
         std=scale * std,

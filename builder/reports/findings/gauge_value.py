@@ -92,15 +92,14 @@ class _Gains(NamedTuple):
 
 def _gains(inverse_map: InverseMap) -> _Gains:
     for_gain, truth = models(inverse_map)
-    gain, precision = nominal(for_gain)
-    gain, weight = gain[FIVE_LOADS], noise_precision(inverse_map)
+    (gain, precision), weight = nominal(for_gain), noise_precision(inverse_map)
+    variance, gain = np.diag(load_covariance(inverse_map, gain))[FIVE_LOADS], gain[FIVE_LOADS]
     if for_gain is truth:  # the error of the best gain is independent of every residual: E Q' = 0, Q Q' = P
-        variance = np.diag(load_covariance(inverse_map))[FIVE_LOADS]
         return _Gains(gain, precision, weight, np.zeros(gain.shape), precision, variance)
     root = np.linalg.cholesky(truth.noise)
     error = np.hstack([gain @ root, gain @ truth.columns - truth.output_columns[FIVE_LOADS]])
     change = precision @ np.hstack([root, truth.columns])
-    return _Gains(gain, precision, weight, error @ change.T, change @ change.T, np.sum(error**2, axis=1))
+    return _Gains(gain, precision, weight, error @ change.T, change @ change.T, variance)
 
 
 def gauge_value(inverse_map: InverseMap) -> GaugeValue:
@@ -109,7 +108,9 @@ def gauge_value(inverse_map: InverseMap) -> GaugeValue:
         return _of_nonlinear(inverse_map, inverse_map.manifold)
     gains, n = _gains(inverse_map), inverse_map.n_gauges
     information = np.diag(gains.weight)
-    detection = _detection(residual_precision(inverse_map), information)
+    is_true = gains.square is gains.precision  # what the gain is made for
+    precision = gains.precision if is_true else residual_precision(inverse_map)
+    detection = _detection(precision, information)
     growth = _growth(inverse_map, gains, np.arange(n)[:, None])
     pairs = _pairs(growth)
     return GaugeValue(
@@ -152,7 +153,9 @@ def correlations(precision: FloatArray, min_precision: FloatArray | float = 0.0)
     other checks."""
     of_gauge = np.diag(precision)
     scale = np.where(of_gauge > min_precision, np.maximum(of_gauge, 1e-300) ** -0.5, 0.0)
-    return np.asarray(precision * np.outer(scale, scale))
+    correlation = precision * scale
+    correlation *= scale[:, None]  # in place: of many gauges a large array
+    return correlation
 
 
 def ambiguous_groups(correlation: FloatArray, limit: float = AMBIGUOUS_CORRELATION) -> tuple[tuple[int, ...], ...]:
@@ -161,7 +164,7 @@ def ambiguous_groups(correlation: FloatArray, limit: float = AMBIGUOUS_CORRELATI
     A bias in one of a group shifts the z of all of it nearly alike (Foerstner 1983; Teunissen 2018 on
     identification): an alarm points to the group.
     """
-    count, group = connected_components(np.abs(correlation) >= limit, directed=False)
+    count, group = connected_components((correlation >= limit) | (correlation <= -limit), directed=False)
     groups = [tuple(np.flatnonzero(group == number).tolist()) for number in range(count)]
     return tuple(members for members in groups if len(members) > 1)
 

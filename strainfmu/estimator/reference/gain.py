@@ -55,7 +55,7 @@ def _of_many_rows(model: Model) -> Nominal:
     n, columns = len(model.noise), model.columns
     alone = (np.count_nonzero(columns, axis=0) == 1) & ~model.output_columns.any(axis=0)
     common = model.noise[0, 1]
-    variance = np.diag(model.noise) - common + np.sum(columns[:, alone] ** 2, axis=1)
+    variance = np.diag(model.noise) - common + np.einsum("ij,ij,j->i", columns, columns, alone)
     root = np.sqrt(variance)[:, None]
     shared = np.hstack([np.full((n, 1), np.sqrt(common)), columns[:, ~alone]])
     left, size, _ = np.linalg.svd(shared / root, full_matrices=False)
@@ -85,9 +85,10 @@ def load_gain(inverse_map: InverseMap) -> FloatArray:
     return nominal(models(inverse_map)[0]).gain
 
 
-def load_covariance(inverse_map: InverseMap) -> FloatArray:
-    """Return (n_f, n_f) the covariance of the error of the loads by that gain [(N, N m)^2]."""
-    return joseph(models(inverse_map)[1], load_gain(inverse_map)[None], np.ones(1))[0]
+def load_covariance(inverse_map: InverseMap, gain: FloatArray | None = None) -> FloatArray:
+    """Return (n_f, n_f) the covariance of the error of the loads by ``gain``, None for that one [(N, N m)^2]."""
+    gain = load_gain(inverse_map) if gain is None else gain
+    return joseph(models(inverse_map)[1], gain[None], np.ones(1))[0]
 
 
 def residual_precision(inverse_map: InverseMap) -> FloatArray:
@@ -101,9 +102,6 @@ def residual_precision(inverse_map: InverseMap) -> FloatArray:
 
 def noise_precision(inverse_map: InverseMap) -> FloatArray:
     """Return (n_d, n_d) Gamma^-1 of all errors of the strain [1/(m/m)^2]."""
-    if not inverse_map.is_low_rank:
-        root = inverse_root(inverse_map.noise_covariance)
-        return np.asarray(root.T @ root)
     columns = np.hstack([np.diag(inverse_map.own_error_strain), inverse_map.error_strain])
     parts = {"noise": inverse_map.gauge_covariance, "columns": columns}
     model = model_of(len(columns), 0, **parts, output_columns=np.zeros((0, columns.shape[1])))

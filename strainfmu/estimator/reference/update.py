@@ -150,16 +150,14 @@ def condition(prepared: Prepared, rows: FloatArray, scale: FloatArray) -> Poster
 def joseph(truth: Model, gain: FloatArray, scale: FloatArray, added: FloatArray | None = None) -> FloatArray:
     """Return (k, m, m) covariance of the outputs by ``gain`` G (k, m, n) at ``scale`` s (k,) under ``truth``.
 
-    (G L - C' L'^-1)(..)' + V - C' R^-1 C + s^2 (M - G N)(M - G N)' + G D G', with R = L L' and D = ``added``
-    (k, n, n) the error of the rows beyond R. The gain must be unbiased for free states, G X = F.
+    G R G' - G C - C' G' + V + s^2 (M - G N)(M - G N)' + G D G', with D = ``added`` (k, n, n) the error of the rows
+    beyond R. The gain must be unbiased for free states, G X = F.
     """
-    root = np.linalg.cholesky(truth.noise)
-    regression = np.linalg.solve(root, truth.cross).T
-    of_noise = gain @ root - regression
+    transposed, crossed = np.swapaxes(gain, 1, 2), gain @ truth.cross
+    of_noise = gain @ truth.noise @ transposed - crossed - np.swapaxes(crossed, 1, 2) + truth.output_noise
     of_columns = scale[:, None, None] * (truth.output_columns - gain @ truth.columns)
-    remainder = truth.output_noise - regression @ regression.T
-    of_added = 0.0 if added is None else gain @ added @ np.swapaxes(gain, 1, 2)
-    return np.asarray(_square(of_noise) + _square(of_columns) + remainder + of_added)
+    of_added = 0.0 if added is None else gain @ added @ transposed
+    return np.asarray(of_noise + _square(of_columns) + of_added)
 
 
 def _square(factor: FloatArray) -> FloatArray:

@@ -11,7 +11,6 @@ from state_estimates import precision_of
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map, inverse_map_of, snapshot_coefficients
 from builder.inverse.problem import gauge_noise_covariance, inverse_problem
-from builder.inverse.solution import solve
 from builder.structure.fourier.fourier_model import StructuralModel
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map_options import MapEntry, Noise
@@ -209,7 +208,7 @@ def test_estimator_recovers_the_coefficients(
         update={"gauges": gauges}
     )
     problem = inverse_problem(changed, snapshots, structure)
-    solution = solve(problem)
+    solution = problem.solution
     inverse_map = inverse_map_of(changed, snapshots, structure, problem, solution)
     estimator = Estimator(inverse_map)
     # Of about the size that they have over the snapshots.

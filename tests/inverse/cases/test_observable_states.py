@@ -10,7 +10,6 @@ from state_estimates import state_gain, state_offset
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import inverse_map_of, on_observable_states
 from builder.inverse.problem import inverse_problem
-from builder.inverse.solution import solve
 from builder.structure.fourier.fourier_model import StructuralModel
 from builder.vehicle.file import Vehicle
 from strainfmu.estimator.estimator import Estimator
@@ -23,7 +22,7 @@ def whole(vehicle: Vehicle, snapshots: Snapshots, structure: StructuralModel, **
     """The map with all the states of its prior."""
     changed = with_paper_map(vehicle, case=2, keep_field=True, **entry)
     problem = inverse_problem(changed, snapshots, structure)
-    return inverse_map_of(changed, snapshots, structure, problem, solve(problem))
+    return inverse_map_of(changed, snapshots, structure, problem, problem.solution)
 
 
 @pytest.mark.parametrize("gamma", [1.0, 10**0.5])

@@ -9,7 +9,6 @@ from builder.aero.load_groups import other_load_operator
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map, inverse_map_of, on_observable_states
 from builder.inverse.problem import inverse_problem
-from builder.inverse.solution import solve
 from builder.structure.fourier.fourier_model import StructuralModel
 from builder.vehicle.file import Vehicle
 from strainfmu.errors import InputError
@@ -63,7 +62,7 @@ def test_loads_of_states_that_no_gauge_sees_count_at_any_dynamic_pressure(
     """A map on its observable states gives the deviations of the map on all of them."""
     changed = with_sections(vehicle, case=2)
     problem = inverse_problem(changed, snapshots, structure)
-    before = inverse_map_of(changed, snapshots, structure, problem, solve(problem))
+    before = inverse_map_of(changed, snapshots, structure, problem, problem.solution)
     after = on_observable_states(before)
     assert before.state_operator.shape[1] > after.state_operator.shape[1] == 54
     for ratio in (0.5, 2.0):
