@@ -35,7 +35,7 @@ def test_truncated_modes_are_what_flying_them_does(case_1: ReportCase) -> None:
     """Each truncated mode at one deviation through gain and loads; squares of the errors in C_A .. M_Y, 1e-8."""
     case = case_1
     found, one = coefficient_sources(case.inverse_map, case.problem, case.solution), case.inverse_map
-    modes, states, _ = ordered_modes(case.problem)
+    modes, _, states, _ = ordered_modes(case.problem)
     scale = found.std / np.sqrt(np.diag(load_covariance(one)))
     total = np.zeros(5)
     for j in range(len(states), modes.modes.shape[1]):
