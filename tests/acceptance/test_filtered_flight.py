@@ -74,13 +74,15 @@ def errors_of(flown: Path, time_constant: float | None) -> tuple[FloatArray, Flo
 
 
 def test_a_filter_reduces_the_errors_of_a_manoeuvre(flown: Path) -> None:
-    """Of air data drawn six times, whose constant errors no average reduces: rms errors, coverage, chi-square."""
-    squares, flight = [], load_recording(flown / "flight.h5")
+    """Of air data drawn six times: rms errors, coverage, chi-square. Errors of air data and of the map's tables,
+    which no average reduces, are most of an error; what differs from sample to sample is the gauges' noise."""
+    squares, changes, flight = [], [], load_recording(flown / "flight.h5")
     for seed in range(6):
         write_readings(flight, flown / "readings.csv", seed)
         alone, alone_std, _ = errors_of(flown, None)
         filtered, filtered_std, innovation = errors_of(flown, 10.0)
         squares.append([np.mean(error**2, axis=0) for error in (alone, filtered)])
+        changes.append([np.mean(np.diff(error, axis=0) ** 2, axis=0) for error in (alone, filtered)])
         print("rms errors, alone and filtered, in 1e-4:", *np.round(1e4 * np.sqrt(squares[-1]), 2))
         for error, std in ((alone, alone_std), (filtered, filtered_std)):
             held = 100.0 * np.mean(np.abs(error) <= 3.0 * std, axis=0)
@@ -90,7 +92,7 @@ def test_a_filter_reduces_the_errors_of_a_manoeuvre(flown: Path) -> None:
         below = np.mean(innovation[:, 0] < chi2.ppf(0.005, innovation[:, 1]))
         print(f"chi-square above, below their 99 % band: {100.0 * above:.2f}, {100.0 * below:.2f} %")
         assert above <= 0.005
-    rms_alone, rms_filtered = np.sqrt(np.mean(squares, axis=0))
-    print("filtered over alone, all draws:", np.round(rms_filtered / rms_alone, 3))
-    assert np.all(rms_filtered <= 0.95 * rms_alone)
-    assert np.all(rms_filtered[3:] <= 0.75 * rms_alone[3:])
+    for what, of, most in (("errors", squares, 0.95), ("errors from sample to sample", changes, 0.5)):
+        alone_rms, filtered_rms = np.sqrt(np.mean(of, axis=0))
+        print(f"{what}, filtered over alone, all draws:", np.round(filtered_rms / alone_rms, 3))
+        assert np.all(filtered_rms <= most * alone_rms)

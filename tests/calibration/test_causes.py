@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from as_built_case import TITANIUM
 from drawn_tests import blank_test, drawn_readings
+from scipy.stats import chi2
 from sweeps import sweep
 
 from builder.calibration.estimate.causes import Evidence, causes_of
@@ -165,7 +166,8 @@ def test_what_gauges_have_in_common_is_named_and_estimated(
     model: ReadingsModel, kind: str, said: str, draw: int
 ) -> None:
     change = change_of(model, kind)
-    reading, vector = drawn_readings(model, np.random.default_rng([draw, 9]), change)
+    # Readings of pads half as long again are not those of the drawing plus its slope.
+    reading, vector = drawn_readings(model.with_pads_of(change), np.random.default_rng([draw, 9]), change)
     found, faults = calibrate_with_faults(model.with_readings(reading))
     assert faults == ()
     assert [one.kind for one in found.model.causes] == [kind]
@@ -176,7 +178,7 @@ def test_what_gauges_have_in_common_is_named_and_estimated(
     assert np.sqrt(np.mean(pull**2)) < 1.25
     at = change != 0.0
     error = (found.vector - vector)[at] / found.std[at]
-    assert np.sqrt(np.mean(error**2)) < 2.0
+    assert np.sum(error**2) < chi2.ppf(0.99, len(error))
 
 
 def test_a_load_is_called_wrong_from_one_percent(vehicle: Vehicle, tested: AsBuiltStructure) -> None:

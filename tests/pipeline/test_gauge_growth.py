@@ -75,6 +75,7 @@ def test_gauges_of_a_file_are_refused() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.drawn
 def test_the_command_measures_and_writes(tmp_path: Path, run: Callable[..., tuple[int, str, str]]) -> None:
     snapshots, growth = tmp_path / "snapshots.h5", tmp_path / "growth.csv"
     save_snapshots(builder.take_snapshots(COARSE), snapshots)

@@ -242,7 +242,8 @@ class Estimate:
     @property
     def far_off(self) -> str:
         """Readings that no vehicle near the drawing has: one factor shows a wrong sign, unit or load."""
-        drawing, test, changes = self.model.at_drawing()[0], self.model.test, list[FloatArray]()
+        as_stated = self.model.with_pads_of(np.zeros(len(self.vector)))  # the steps' own pads may be anywhere
+        drawing, test, changes = as_stated.at_drawing()[0], self.model.test, list[FloatArray]()
         for part in (drawing, test.readings):  # what the loads change, without the zeros
             shown = np.where(self.used, part, 0.0)
             changes.append((shown - _mean_of_group(self.model, self.used, shown))[self.used])

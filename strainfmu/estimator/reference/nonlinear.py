@@ -119,6 +119,24 @@ def strain_covariance(
     return covariance
 
 
+def load_errors(
+    manifold: ManifoldMap, state: FloatArray, considered: bool = True
+) -> tuple[FloatArray, FloatArray]:
+    """Return (k, n_d, m) the covariance of strain and loads by their common errors, and (k, m, m) that of loads.
+
+    Both are at the states ``state`` (k, 4), with the ``considered`` errors or without.
+    """
+    columns, n_d = [np.vstack([manifold.error_strain, manifold.error_load])], manifold.n_gauges
+    if considered:
+        columns.append(manifold.considered_columns)
+    of_state = np.exp(state[:, LOG_PRESSURE, None, None]) * np.hstack(columns)
+    if considered and manifold.considered_tables is not None:
+        tables = evaluate(manifold.considered_tables, state).value
+        of_state = np.concatenate([of_state, tables[:, :, None]], axis=2)
+    strain, load = of_state[:, :n_d], np.swapaxes(of_state[:, n_d:], 1, 2)
+    return strain @ load, np.swapaxes(load, 1, 2) @ load
+
+
 class NonlinearReference:
     """A nonlinear map with the tables and the noise of a sample.
 
@@ -158,18 +176,6 @@ class NonlinearReference:
         std[uw] = (precision[0] + precision[1]) ** -0.5
         return mean, std
 
-    def load_errors(self, state: FloatArray, considered: bool) -> tuple[FloatArray, FloatArray]:
-        """Return (n_d, m) the covariance of strain and loads by their common errors at ``state``, and (m, m)."""
-        manifold, n_d = self.manifold, self.n_d
-        columns = [np.vstack([manifold.error_strain, manifold.error_load])]
-        if considered:
-            columns.append(manifold.considered_columns)
-        of_state = np.exp(state[LOG_PRESSURE]) * np.hstack(columns)
-        if considered and manifold.considered_tables is not None:
-            of_state = np.hstack([of_state, evaluate(manifold.considered_tables, state[None]).value.T])
-        strain, load = of_state[:n_d], of_state[n_d:]
-        return strain @ load.T, load @ load.T
-
     def model(self, state: FloatArray, air: AirInputs, covariance: FloatArray, considered: bool = False) -> Model:
         """Return the model about ``state`` with the error ``covariance`` of strain; outputs: state, then loads."""
         n_d, (value, jacobian) = self.n_d, self.at(state)
@@ -179,7 +185,9 @@ class NonlinearReference:
         noise = np.diag(np.concatenate([np.zeros(n_d), variance, self.prior(air)[1] ** 2]))
         noise[:n_d, :n_d] = covariance
         cross, output_noise = np.zeros((n, N_STATES + m)), np.zeros((N_STATES + m, N_STATES + m))
-        cross[:n_d, N_STATES:], output_noise[N_STATES:, N_STATES:] = self.load_errors(state, considered)
+        cross[:n_d, N_STATES:], output_noise[N_STATES:, N_STATES:] = (
+            part[0] for part in load_errors(self.manifold, state[None], considered)
+        )
         return model_of(
             n,
             N_STATES + m,

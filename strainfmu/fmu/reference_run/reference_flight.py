@@ -18,7 +18,7 @@ from strainfmu.estimator.other_loads import FIVE_LOADS
 from strainfmu.estimator.reference.air import air_data_at
 from strainfmu.estimator.reference.gain import residual_precision
 from strainfmu.estimator.reference.linear import excess_covariance, excess_parts
-from strainfmu.estimator.reference.nonlinear import strain_covariance
+from strainfmu.estimator.reference.nonlinear import load_errors, strain_covariance
 from strainfmu.fmu.reference_run.flight_path import FlightPath
 
 _ROUND_OFF = 1e-9
@@ -234,7 +234,7 @@ def flight_of_tables(inverse_map: InverseMap, path: FlightPath) -> ReferenceFlig
     strain, loads = value[:, :n], value[:, n:]
     covariance = strain_covariance(manifold, manifold.gauge_covariance, state)
     middle, noise_std = len(state) // 2, white_noise(inverse_map.noise_std, manifold.gauge_covariance)
-    square = (path.static_pressure**2)[:, None, None]
+    of_loads, _ = load_errors(manifold, state)
     air_data = dict(zip(AIR_DATA_NAMES, air_data_at(state).T, strict=True))
     return ReferenceFlight(
         strain=strain,
@@ -243,7 +243,7 @@ def flight_of_tables(inverse_map: InverseMap, path: FlightPath) -> ReferenceFlig
         covariance=covariance - np.diag(noise_std**2),
         residual_precision=free_precision(covariance[middle], jacobian[middle, :n]),
         noise_std=noise_std,
-        load_strain_covariance=square * (manifold.error_load @ manifold.error_strain.T)[FIVE_LOADS],
+        load_strain_covariance=np.swapaxes(of_loads, 1, 2)[:, FIVE_LOADS],
         air_data={f"air_data.{name}": values for name, values in air_data.items()},
     )
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from field_maps import field_map
 from flight_fmu import whole_map
+from flight_maps import with_considered_columns, with_considered_error
 from other_load_maps import with_further_tables
 from parameter_maps import with_parameter_tables, with_parameters
 from published_run import columns
@@ -117,6 +118,7 @@ MAPS = {
     "tables with a field": field_map,
     "tables of a shape": of_shape,
     "tables of one condition": of_one_condition,
+    "tables with considered errors": lambda: with_considered_columns(with_considered_error(whole_map())),
     "tables with everything": lambda: with_temperature(
         with_sensors(with_parameter_tables(with_further_tables(whole_map())))
     ),
