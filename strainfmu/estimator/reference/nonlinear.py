@@ -122,7 +122,7 @@ def strain_covariance(
 def load_errors(
     manifold: ManifoldMap, state: FloatArray, considered: bool = True
 ) -> tuple[FloatArray, FloatArray]:
-    """Return (k, n_d, m) the covariance of strain and loads by their common errors, and (k, m, m) that of loads.
+    """Return covariances by common errors: (k, n_d, m) of strain and loads, (k, m, m) of loads.
 
     Both are at the states ``state`` (k, 4), with the ``considered`` errors or without.
     """
