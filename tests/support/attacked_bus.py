@@ -8,6 +8,7 @@ exclude, or if no cycle had such strains. The bridge is used through its core: f
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import lru_cache
 from heapq import heappop, heappush
 from itertools import count
 
@@ -97,11 +98,14 @@ class Found:
 STEPS_WITH_DELAY = 11
 
 
+@lru_cache(maxsize=20_000)
 def codes_of(number: int, seed: int) -> np.ndarray:
     """Readings of a cycle: manoeuvres, and noise of 8 codes."""
     random = np.random.default_rng((seed, number + 1_000_000))
     slow = 2000.0 + 1200.0 * np.sin(2.0 * np.pi * number / 700.0 + np.arange(N_GAUGES))
-    return np.round(slow + 8.0 * random.normal(size=N_GAUGES)).astype(np.int64)
+    codes = np.round(slow + 8.0 * random.normal(size=N_GAUGES)).astype(np.int64)
+    codes.flags.writeable = False
+    return codes
 
 
 KINDS = (
