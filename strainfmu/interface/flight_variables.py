@@ -51,12 +51,11 @@ def flight_interface(
     """
     variables = (*linear, *_navigation_inputs(manifold), *_air_data(manifold))
     texts = {air_input.name: _text(air_input, manifold) for air_input in AIR_INPUTS} | _FLIGHT_TEXT
-    return tuple(
-        _of_flight_state(
-            replace(variable, description=texts.get(variable.name, variable.description)), manifold, gauges
-        )
+    described = (
+        replace(variable, description=texts[variable.name]) if variable.name in texts else variable
         for variable in variables
     )
+    return tuple(_of_flight_state(variable, manifold, gauges) for variable in described)
 
 
 def flight_outputs(estimate: Estimate) -> list[float]:

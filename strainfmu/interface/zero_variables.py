@@ -110,8 +110,12 @@ def _variables(
     zero, std, _ = names
     values, deviations = list[Variable](), list[Variable]()
     for i, (gauge, value) in enumerate(zip(gauge_names, start, strict=True), start=1):
-        of_gauge = replace(common, name=f"{zero}[{i}]", description=text.format(gauge=gauge, i=i), array=zero)
-        values.append(replace(of_gauge, minimum=-LARGEST_ZERO, start=value))
+        described = text.format(gauge=gauge, i=i)
+        values.append(
+            replace(
+                common, name=f"{zero}[{i}]", description=described, minimum=-LARGEST_ZERO, start=value, array=zero
+            )
+        )
         error = f"Standard deviation of the error of {zero}[{i}], of gauge {gauge}"
         deviations.append(replace(common, name=f"{std}[{i}]", description=error, array=std))
     return [*values, *deviations, common]
