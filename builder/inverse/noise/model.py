@@ -179,8 +179,14 @@ class NoiseModel:
 
 def fixed_covariance(terms: Iterable[NoiseTerm], without: Collection[str] = ()) -> FloatArray:
     """Return (n_d, n_d) of ``terms`` that do not follow the pressure, leaving out the names ``without``."""
-    fixed = [term for term in terms if not term.scales and term.name not in without]
-    return np.asarray(sum(term.covariance for term in fixed))
+    first, *following = (term for term in terms if not term.scales and term.name not in without)
+    covariance = first.covariance
+    for term in following:  # in place: of many gauges large arrays
+        if term.is_own:
+            covariance[np.diag_indices(len(covariance))] += term.variance
+        else:
+            covariance += term.covariance
+    return covariance
 
 
 def gauge_noise(covariance: FloatArray) -> NoiseTerm:

@@ -91,7 +91,7 @@ class _Gains(NamedTuple):
 
 
 def _gains(inverse_map: InverseMap) -> _Gains:
-    for_gain, truth = models(inverse_map)
+    for_gain, truth = models(inverse_map, at_nominal=True)
     (gain, precision), weight = nominal(for_gain), noise_precision(inverse_map)
     variance, gain = np.diag(load_covariance(inverse_map, gain))[FIVE_LOADS], gain[FIVE_LOADS]
     if for_gain is truth:  # the error of the best gain is independent of every residual: E Q' = 0, Q Q' = P

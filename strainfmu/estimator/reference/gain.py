@@ -46,18 +46,17 @@ def nominal(model: Model) -> Nominal:
 def _of_many_rows(model: Model) -> Nominal:
     """Return :func:`nominal` of rows whose noise is independent, but for a part that all have in common.
 
-    With D the variances of errors of one row alone, and D^-1/2 C = U S V' of all other columns C, the whitening
+    With D the variances of the noise of each row, and D^-1/2 C = U S V' of its common part and all columns C, the
+    whitening
 
         W = (I - U (1 - (1 + S^2)^-1/2) U') D^-1/2
 
     costs n k^2 instead of n^3.
     """
-    n, columns = len(model.noise), model.columns
-    alone = (np.count_nonzero(columns, axis=0) == 1) & ~model.output_columns.any(axis=0)
-    common = model.noise[0, 1]
-    variance = np.diag(model.noise) - common + np.einsum("ij,ij,j->i", columns, columns, alone)
+    n, columns, common = len(model.noise), model.columns, model.noise[0, 1]
+    variance = np.diag(model.noise) - common
     root = np.sqrt(variance)[:, None]
-    shared = np.hstack([np.full((n, 1), np.sqrt(common)), columns[:, ~alone]])
+    shared = np.hstack([np.full((n, 1), np.sqrt(common)), columns])
     left, size, _ = np.linalg.svd(shared / root, full_matrices=False)
     less = 1.0 - 1.0 / np.hypot(1.0, size)
 
@@ -72,7 +71,7 @@ def _of_many_rows(model: Model) -> Nominal:
     scale = np.abs(model.free).max(axis=0, initial=1e-300)
     basis, triangle = np.linalg.qr(whitened(model.free / scale))
     of_free = np.linalg.solve(triangle.T, (model.output_free / scale).T)
-    of_rows = whitened(columns[:, ~alone] @ model.output_columns[:, ~alone].T + model.cross)
+    of_rows = whitened(columns @ model.output_columns.T + model.cross)
     of_rows -= basis @ (basis.T @ of_rows)
     taken = np.hstack([left / root * (size / np.hypot(1.0, size)), gain_by(basis)])
     precision = -taken @ taken.T
@@ -82,13 +81,13 @@ def _of_many_rows(model: Model) -> Nominal:
 
 def load_gain(inverse_map: InverseMap) -> FloatArray:
     """Return (n_f, n_d) G, loads per strain [N, N m]: f = G (d - m) + f_mean."""
-    return nominal(models(inverse_map)[0]).gain
+    return nominal(models(inverse_map, at_nominal=True)[0]).gain
 
 
 def load_covariance(inverse_map: InverseMap, gain: FloatArray | None = None) -> FloatArray:
     """Return (n_f, n_f) the covariance of the error of the loads by ``gain``, None for that one [(N, N m)^2]."""
     gain = load_gain(inverse_map) if gain is None else gain
-    return joseph(models(inverse_map)[1], gain[None], np.ones(1))[0]
+    return joseph(models(inverse_map, at_nominal=True)[1], gain[None], np.ones(1))[0]
 
 
 def residual_precision(inverse_map: InverseMap) -> FloatArray:
@@ -97,15 +96,14 @@ def residual_precision(inverse_map: InverseMap) -> FloatArray:
     P is the inverse of the covariance of d under the model, A A' + Gamma in Case 2 whatever gamma; its limit for a
     free state in Case 1.
     """
-    return nominal(models(inverse_map)[1]).precision
+    return nominal(models(inverse_map, at_nominal=True)[1]).precision
 
 
 def noise_precision(inverse_map: InverseMap) -> FloatArray:
     """Return (n_d, n_d) Gamma^-1 of all errors of the strain [1/(m/m)^2]."""
-    columns = np.hstack([np.diag(inverse_map.own_error_strain), inverse_map.error_strain])
-    parts = {"noise": inverse_map.gauge_covariance, "columns": columns}
-    model = model_of(len(columns), 0, **parts, output_columns=np.zeros((0, columns.shape[1])))
-    return nominal(model).precision
+    model, columns = models(inverse_map, at_nominal=True)[1], inverse_map.error_strain
+    parts = {"noise": model.noise, "columns": columns, "output_columns": np.zeros((0, columns.shape[1]))}
+    return nominal(model_of(len(columns), 0, **parts)).precision
 
 
 def state_model(

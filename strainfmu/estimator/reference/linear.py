@@ -35,12 +35,13 @@ class LinearEstimate(NamedTuple):
     standardised: FloatArray
 
 
-def models(inverse_map: InverseMap) -> tuple[Model, Model]:
+def models(inverse_map: InverseMap, at_nominal: bool = False) -> tuple[Model, Model]:
     """Return the model that the gain of ``inverse_map`` is made for, and the truth.
 
-    The states of the first have the prior covariance 1 / gamma, the states of the second 1.
+    The states of the first have the prior covariance 1 / gamma, the states of the second 1. ``at_nominal`` holds
+    at s = 1 alone: errors of one gauge are noise, not a column each.
     """
-    truth = _model(inverse_map)
+    truth = _model(inverse_map, at_nominal)
     if inverse_map.case == 1 or inverse_map.regularisation == 1.0:
         return truth, truth
     std = np.ones(truth.columns.shape[1])
@@ -110,15 +111,18 @@ def excess_parts(inverse_map: InverseMap, coefficients: FloatArray) -> tuple[Flo
     return products[:, first, second] @ of_gauge, products  # of_gauge counts pairs a < b twice
 
 
-def _model(inverse_map: InverseMap) -> Model:
+def _model(inverse_map: InverseMap, at_nominal: bool) -> Model:
+    noise, by_gauge = inverse_map.gauge_covariance, inverse_map.own_error_strain
     errors, load_of_errors = inverse_map.error_strain, inverse_map.error_load
     states, load_of_states = inverse_map.state_operator, inverse_map.load_per_state
-    if inverse_map.own_error_strain.any():
-        by_gauge = np.diag(inverse_map.own_error_strain)
-        errors = np.hstack([by_gauge, errors])
+    if at_nominal:
+        noise = noise.copy()
+        noise[np.diag_indices(len(by_gauge))] += by_gauge**2
+    elif by_gauge.any():
+        errors = np.hstack([np.diag(by_gauge), errors])
         load_of_errors = np.pad(load_of_errors, ((0, 0), (len(by_gauge), 0)))
     fixed_load, fixed = inverse_map.fixed_load, inverse_map.fixed_strain
-    parts = {"fixed": fixed, "mean": inverse_map.mean_strain - fixed, "noise": inverse_map.gauge_covariance}
+    parts = {"fixed": fixed, "mean": inverse_map.mean_strain - fixed, "noise": noise}
     parts |= {"output_fixed": fixed_load, "output_mean": inverse_map.load_of_mean - fixed_load}
     if inverse_map.case == 1:
         parts |= {"free": states, "output_free": load_of_states}
