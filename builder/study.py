@@ -31,7 +31,8 @@ from builder.figures.comparison import trade_study_figure
 from builder.figures.drawing import save
 from builder.pipeline.map_files import make_independent_flows, make_map, make_snapshots
 from builder.pipeline.pipeline import FLOWS, MAP, SNAPSHOTS, STRUCTURE, FilesGiven, Pipeline, open_pipeline
-from builder.pipeline.stages import AnyProgress, check_before_long_work, make_shape_flows, reporter_of
+from builder.pipeline.progress_bars import AnyProgress, reporter_of
+from builder.pipeline.stages import check_before_long_work, make_shape_flows
 from builder.pipeline.trials import shape_conditions, world_of
 from builder.processors import processors
 from builder.reporting import Reporter, Silent

@@ -36,7 +36,8 @@ from builder.pipeline.calibration_report import PAGE, PDF, calibration_findings,
 from builder.pipeline.map_files import cached_flows, cached_snapshots, cached_structure
 from builder.pipeline.measured_levels import alarm_levels_wanted, with_measured_levels
 from builder.pipeline.pipeline import FLOWS, SNAPSHOTS, STRUCTURE
-from builder.pipeline.stages import AnyProgress, reporter_of, solved_true_structure
+from builder.pipeline.progress_bars import AnyProgress, reporter_of
+from builder.pipeline.stages import solved_true_structure
 from builder.reporting import Reporter
 from builder.reports.calibration_page.verdict import CalibrationFindings, Verdict, verdict
 from builder.structure.as_built.as_built_structure import AsBuiltStructure

@@ -10,7 +10,7 @@ from builder.campaign.scheduling import Scheduling
 from builder.campaign.snapshot_fit import replaced_line
 from builder.pipeline.map_files import snapshot_inputs
 from builder.pipeline.pipeline import SNAPSHOTS
-from builder.pipeline.stages import AnyProgress, reporter_of
+from builder.pipeline.progress_bars import AnyProgress, reporter_of
 from builder.vehicle.file import load_vehicle
 from builder.vehicle.flight_conditions import condition_set, count_repeated
 from builder.workspace import Cache

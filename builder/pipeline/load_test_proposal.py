@@ -31,7 +31,8 @@ from builder.figures.calibration import load_plan_figure
 from builder.figures.drawing import save
 from builder.pipeline.map_files import cached_snapshots
 from builder.pipeline.pipeline import STRUCTURE
-from builder.pipeline.stages import AnyProgress, AnyStructure, fourier_structure, reporter_of, take_snapshots
+from builder.pipeline.progress_bars import AnyProgress, reporter_of
+from builder.pipeline.stages import AnyStructure, fourier_structure, take_snapshots
 from builder.reporting import Reporter
 from builder.structure.as_built.as_built_structure import as_built_structure
 from builder.structure.as_built.displaced_structure import AnyAsBuilt, displaced_structure, refuse_untestable

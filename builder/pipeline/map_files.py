@@ -21,8 +21,8 @@ from builder.pipeline.measured_levels import (
     with_shape_levels,
 )
 from builder.pipeline.pipeline import FLOWS, MAP, SNAPSHOTS, STRUCTURE, FilesGiven, Pipeline, open_pipeline
+from builder.pipeline.progress_bars import AnyProgress, reporter_of
 from builder.pipeline.stages import (
-    AnyProgress,
     check_before_long_work,
     fourier_structure,
     make_flow_table,
@@ -30,7 +30,6 @@ from builder.pipeline.stages import (
     map_from,
     note_campaign,
     on_snapshots,
-    reporter_of,
     snapshot_campaign,
     solved_true_structure,
 )

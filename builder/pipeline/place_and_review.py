@@ -17,7 +17,8 @@ from builder.inverse.problem import AnyStructure, inverse_problem
 from builder.pipeline.load_test_proposal import flows_for_design
 from builder.pipeline.map_files import cached_or_solved_structure, files_of_vehicle
 from builder.pipeline.pipeline import MAP
-from builder.pipeline.stages import AnyProgress, fourier_structure, map_from, on_snapshots, reporter_of
+from builder.pipeline.progress_bars import AnyProgress, reporter_of
+from builder.pipeline.stages import fourier_structure, map_from, on_snapshots
 from builder.placement import design
 from builder.placement.candidates import CandidateGrid
 from builder.placement.curves import Curves, accuracy_curves

@@ -14,6 +14,8 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
+from builder.reporting import Reporter, Silent
+
 ALWAYS_SHOWN = ("warning", "no score on held-out", "held-out conditions")
 """Beginnings of the notes that are shown in any case, as are files used as they are."""
 
@@ -54,3 +56,14 @@ class ConsoleReporter:
         self.lines.append(f"  {text}")
         if self.is_verbose or text.startswith(ALWAYS_SHOWN) or "used as it is" in text:
             self.console.print(f"  {text}", style="dim", highlight=False, markup=False, soft_wrap=True)
+
+
+AnyProgress = bool | Reporter | None
+"""None or False for silence, True for progress bars, or a reporter of the caller's."""
+
+
+def reporter_of(progress: AnyProgress) -> Reporter:
+    """Return the reporter that ``progress`` asks for."""
+    if progress is None or progress is False:
+        return Silent()
+    return ConsoleReporter(Console()) if progress is True else progress

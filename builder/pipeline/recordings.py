@@ -19,7 +19,7 @@ from urllib.parse import quote
 import numpy as np
 
 from builder.campaign.dask_workers import on_dask
-from builder.pipeline.stages import AnyProgress, reporter_of
+from builder.pipeline.progress_bars import AnyProgress, reporter_of
 from builder.processors import processors
 from strainfmu.can.log_frames import is_bus_log
 from strainfmu.errors import InputError, StrainfmuError

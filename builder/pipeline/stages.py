@@ -46,7 +46,8 @@ from builder.pipeline.measured_levels import (
     with_shape_levels,
 )
 from builder.pipeline.pipeline import Pipeline
-from builder.reporting import Reporter, Silent
+from builder.pipeline.progress_bars import AnyProgress, reporter_of
+from builder.reporting import Reporter
 from builder.structure.external.external_structure import external_structure
 from builder.structure.fourier.fourier_model import (
     StructuralModel,
@@ -78,9 +79,6 @@ from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.flight_condition import FlightCondition
-
-AnyProgress = bool | Reporter | None
-"""None or False for silence, True for progress bars, or a reporter of the caller's."""
 
 FLOW_TITLE = "Flow: snapshots"
 STRUCTURE_TITLE = "Structure: strain per pressure"
@@ -356,19 +354,6 @@ def solved_true_structure(
 
 def _vehicle(vehicle: Vehicle | str | Path) -> Vehicle:
     return vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
-
-
-def reporter_of(progress: AnyProgress) -> Reporter:
-    """Return the reporter that ``progress`` asks for."""
-    if progress is None or progress is False:
-        return Silent()
-    if progress is not True:
-        return progress
-    from rich.console import Console
-
-    from builder.pipeline.progress_bars import ConsoleReporter
-
-    return ConsoleReporter(Console())
 
 
 KILOPASCAL = 1e3

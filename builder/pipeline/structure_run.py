@@ -9,7 +9,8 @@ from builder.campaign.snapshot_fit import body_misfits
 from builder.campaign.snapshots import load_snapshots
 from builder.pipeline.map_files import solid_inputs
 from builder.pipeline.pipeline import STRUCTURE
-from builder.pipeline.stages import AnyProgress, mesh_error_line, reporter_of
+from builder.pipeline.progress_bars import AnyProgress, reporter_of
+from builder.pipeline.stages import mesh_error_line
 from builder.structure.external import load_export
 from builder.structure.external.external_structure import external_structure, written_influence
 from builder.structure.external.load_export import load_cases

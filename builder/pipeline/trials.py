@@ -32,13 +32,8 @@ from builder.pipeline.map_files import (
 )
 from builder.pipeline.pipeline import FLOWS as LEVEL_FLOWS
 from builder.pipeline.pipeline import MAP, SNAPSHOTS, STRUCTURE, FilesGiven, Pipeline, open_pipeline
-from builder.pipeline.stages import (
-    AnyProgress,
-    check_before_long_work,
-    make_flow_table,
-    make_shape_flows,
-    reporter_of,
-)
+from builder.pipeline.progress_bars import AnyProgress, reporter_of
+from builder.pipeline.stages import check_before_long_work, make_flow_table, make_shape_flows
 from builder.processors import one_thread_of_blas
 from builder.reporting import Reporter, Silent
 from builder.structure.as_built.as_built_structure import refuse_unheld

@@ -16,7 +16,7 @@ from builder.inverse.problem import check_noise, check_other_loads
 from builder.pipeline.demonstration.demo import refuse_without_demo
 from builder.pipeline.demonstration.flown_shape import checked_manoeuvre, manoeuvre_warnings
 from builder.pipeline.place_and_review import check_model
-from builder.pipeline.stages import AnyProgress, reporter_of
+from builder.pipeline.progress_bars import AnyProgress, reporter_of
 from builder.reporting import Reporter
 from builder.structure.as_built.as_built_structure import refuse_unheld
 from builder.structure.as_built.displaced_structure import refuse_untestable

@@ -14,7 +14,7 @@ from builder.campaign.campaign_run import run_campaign, vehicle_campaign
 from builder.campaign.failures import refuse_missing
 from builder.campaign.snapshots import SCHEMA_VERSION as SNAPSHOTS_VERSION
 from builder.campaign.snapshots import Snapshots, load_snapshots
-from builder.pipeline.stages import AnyProgress, reporter_of
+from builder.pipeline.progress_bars import AnyProgress, reporter_of
 from builder.reporting import Progress, Reporter
 from builder.reproduce.paper_readings import SHIPPED, SPANS, gauges_of_45, with_all_gauges
 from builder.reproduce.parity import ParityRow, Verdict, parity_rows, verdicts

@@ -44,7 +44,8 @@ from builder.pipeline.demonstration.flown_shape import (
 from builder.pipeline.estimator_choice import estimator_of, with_estimator
 from builder.pipeline.map_files import make_map, map_parts, solid_structure_of, true_structure_of
 from builder.pipeline.pipeline import MAP, SNAPSHOTS, FilesGiven, Pipeline, open_pipeline
-from builder.pipeline.stages import AnyProgress, check_before_long_work, reporter_of
+from builder.pipeline.progress_bars import AnyProgress, reporter_of
+from builder.pipeline.stages import check_before_long_work
 from builder.structure.as_built.as_built_structure import refuse_unheld
 from builder.structure.as_built.as_built_vehicle import AsBuilt, exactly_built
 from builder.structure.as_built.wall_regions import counts_of
