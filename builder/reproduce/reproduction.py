@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
-from functools import partial
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -168,17 +167,22 @@ def _models(stages: _Stages, snapshots: Snapshots) -> tuple[dict[str, StrainMode
     """Return the models by name, and the Fourier model with rows of other spans."""
     vehicle, sizes = stages.vehicle, stages.sizes
     solvers: dict[str, Solve] = {
-        FOURIER: partial(fourier_model, vehicle),
+        FOURIER: _fourier(vehicle),
         HEXAHEDRA: lambda progress: hexahedral_model(vehicle, sizes, snapshots, progress),
         TETRAHEDRA: lambda progress: tetrahedral_model(vehicle, sizes, snapshots, False, progress),
         RECOVERED: lambda progress: tetrahedral_model(vehicle, sizes, snapshots, True, progress),
     }
     further = list(SPANS.items())[1:]
     for i, (_, span) in enumerate(further, start=1):
-        solvers[f"{FOURIER}_span_{i}"] = partial(fourier_model, _with_span(vehicle, span))
+        solvers[f"{FOURIER}_span_{i}"] = _fourier(_with_span(vehicle, span))
     made = {name: _model(stages, name, solve) for name, solve in solvers.items()}
     spans = {label: made.pop(f"{FOURIER}_span_{i}") for i, (label, _) in enumerate(further, start=1)}
     return made, spans
+
+
+def _fourier(vehicle: Vehicle) -> Solve:
+    """Return the Fourier model's solution, which is too short for a bar of progress."""
+    return lambda _: fourier_model(vehicle)
 
 
 def _with_span(vehicle: Vehicle, span: tuple[float, float]) -> Vehicle:

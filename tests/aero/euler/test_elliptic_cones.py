@@ -49,7 +49,8 @@ def test_pressure_round_slightly_elliptic_cones(
     """The slope at e = 0.05 and 0.1, which is even in e, carried on to e = 0; and how much of it 2:1 leaves."""
     half_angle, grid = (
         radians(half_angle_deg),
-        MarchingGrid(n_radial=n_radial, n_circumferential=3 * n_radial // 2),
+        # A start that settles to 3e-4 moves the slope at e = 0.05 by as much as finer cells do.
+        MarchingGrid(n_radial=n_radial, n_circumferential=3 * n_radial // 2, conical_tolerance=1e-4),
     )
     exact = wall_response(half_angle, mach_number, 2)[1]
     small, large = (slope_of_ellipse(half_angle, mach_number, e, grid) / exact for e in (0.05, 0.1))
