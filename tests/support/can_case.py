@@ -300,7 +300,7 @@ class Oracle:
                 limit = self._settings.stuck_cycles or MIN_STUCK_CYCLES
             elif fault.kind is FaultKind.PARTIAL_FREEZE:
                 gauges = frozen_gauges(self._layout, fault)
-                limit = 4 if len(gauges) > 3 else 7
+                limit = 4 if len(gauges) > 3 else 8  # repetitions that few gauges are given
             for gauge in gauges:
                 periods = (limit + 1) * self._every if gauge in self._slow else limit
                 if last < fault.start + periods + self._unseen(fault, last):
