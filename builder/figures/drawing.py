@@ -334,7 +334,7 @@ class ValuedFigure:
 
 
 def _in_figure(figure: Figure, areas: list[Area]) -> list[Rectangle]:
-    """Return left, top, width and height of areas of one pair of axes over the figure's, as it is laid out."""
+    """Return left, top, width and height of ``areas`` of the axes, over the figure's, as it is laid out."""
     axis = areas[0].axis
     within = np.sort([axis.get_xlim(), axis.get_ylim()], axis=1)
     ends = np.clip([[area.x, area.y] for area in areas], within[:, :1], within[:, 1:])  # area, x or y, end

@@ -57,7 +57,7 @@ def test_accuracy_of_the_flown_estimator(demo_by_grid: Path) -> None:
 
 
 def test_both_estimators_are_in_one_table_and_one_figure(demo_by_grid: Path, is_quick: bool) -> None:
-    """The nonlinear one, which flies, errs at most two thirds as much as the linear one in every coefficient.
+    """The nonlinear estimator, which flies, errs at most two thirds as much as the linear in every coefficient.
 
     A quick run makes the figures and does not draw them.
     """

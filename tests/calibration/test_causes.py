@@ -166,7 +166,7 @@ def test_what_gauges_have_in_common_is_named_and_estimated(
     model: ReadingsModel, kind: str, said: str, draw: int
 ) -> None:
     change = change_of(model, kind)
-    # Readings of pads half as long again are not those of the drawing plus its slope.
+    # Strain is not linear in the size of a pad, which is 50 % larger here: slopes are taken there.
     reading, vector = drawn_readings(model.with_pads_of(change), np.random.default_rng([draw, 9]), change)
     found, faults = calibrate_with_faults(model.with_readings(reading))
     assert faults == ()

@@ -67,9 +67,9 @@ class Maps:
         operators = {"configuration_2": self.operator, "rest": self.operator[keep]}
         structure = MappedStructure(surface=self.surface, description="part", layouts=layouts, operators=operators)
         problem = inverse_problem(self.vehicle, self.snapshots, structure)
-        found = inverse_map_of(self.vehicle, self.snapshots, structure, problem, problem.solution)
+        rebuilt = inverse_map_of(self.vehicle, self.snapshots, structure, problem, problem.solution)
         # Flights drawn from the map's own model leave what its snapshots cover.
-        return replace(found, **nothing_of("envelope_direction", "envelope_limit"))
+        return replace(rebuilt, **nothing_of("envelope_direction", "envelope_limit"))
 
 
 @pytest.fixture(scope="module")

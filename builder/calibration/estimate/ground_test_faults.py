@@ -96,7 +96,7 @@ def _without_faults(model: ReadingsModel) -> tuple[Estimate, tuple[Fault, ...]]:
     """Return :func:`calibrate_with_faults`, whether its steps ended near the readings or not."""
     model, faults = _before_the_estimate(model)
     fit = _about_its_loads(model, _left(model, faults))
-    if fit.has_diverged:  # far from all readings no cause can be told
+    if fit.has_diverged:  # slopes far from the readings say nothing of causes
         return fit, tuple(faults)
     fit, faults = _with_causes(fit, faults)
     while True:

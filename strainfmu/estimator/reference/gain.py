@@ -85,7 +85,7 @@ def load_gain(inverse_map: InverseMap) -> FloatArray:
 
 
 def load_covariance(inverse_map: InverseMap, gain: FloatArray | None = None) -> FloatArray:
-    """Return (n_f, n_f) the covariance of the error of the loads by ``gain``, None for that one [(N, N m)^2]."""
+    """Return (n_f, n_f) the covariance of the loads' error [(N, N m)^2] by ``gain``, by default the map's."""
     gain = load_gain(inverse_map) if gain is None else gain
     return joseph(models(inverse_map, at_nominal=True)[1], gain[None], np.ones(1))[0]
 
